@@ -18,7 +18,7 @@ from time import perf_counter
 
 from bench.second_faults import with_second
 from tests.failing_scenes import GENERATORS, broken_scene, named
-from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.core.causes import Cause
 
 SEEDS = 20
 MOST_SEEDS = 100
@@ -36,7 +36,7 @@ def run(
     """One row per cause: how many of the failing scenes were named right, and what the others were called."""
     rows: list[dict[str, object]] = []
     for cause in causes:
-        said: Counter[Cause] = Counter()
+        said: Counter[str] = Counter()
         n_fine, n_confirmed, n_second, n_reruns, ms = 0, 0, 0, 0, 0.0
         began = perf_counter()
         for seed in count(first):

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from verefine_viz.core.accuracy import CORRECT
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, random_unit_vector, transform
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.bop_model import EvalModel, EvalModels
-from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.evaluation.vertex_errors import add_mm, adi_mm
 from verefine_viz.scenes.models import ModelLibrary

@@ -19,11 +19,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from verefine_viz.core.accuracy import CORRECT, PoseErrors
 from verefine_viz.core.problem import Target
 from verefine_viz.core.protocols import Estimator
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.registry import make_estimator
-from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
@@ -49,7 +50,7 @@ class Found:
 
     @property
     def right_way_round(self) -> bool:
-        return any(e.relative < 0.1 for e in self.errors)
+        return any(e.is_correct for e in self.errors)
 
 
 def targets_of(dataset: Path, least_visible: float) -> list[tuple[str, Target]]:
@@ -94,8 +95,8 @@ def found(estimator: Estimator, frame: str, target: Target) -> Found:
 
 def cells(name: str, all_found: list[Found], train_ms: float) -> list[str]:
     """The row of one estimator."""
-    top1 = np.mean([f.relative[0] < 0.1 for f in all_found])
-    top5 = np.mean([min(f.relative) < 0.1 for f in all_found])
+    top1 = np.mean([f.relative[0] < CORRECT for f in all_found])
+    top5 = np.mean([min(f.relative) < CORRECT for f in all_found])
     best_mm = [min((e.adds_mm for e in f.errors), default=np.inf) for f in all_found]
     cpu = [f.cpu_ms for f in all_found]
     return [
@@ -146,7 +147,7 @@ def main() -> None:
             f"{name}: frame {f.frame}, {f.target.model.name}: {len(f.errors)} hypotheses, best ADD-S "
             f"{100 * min(f.relative):.0f} % of the diameter"
             for f in all_found
-            if min(f.relative) >= 0.1
+            if min(f.relative) >= CORRECT
         ]
     console = Console(width=130)
     console.print(table)

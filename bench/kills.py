@@ -10,9 +10,11 @@ import random
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 
 from tests.batch.killed_batches import killed_until_done, without_times
+from tests.batch.outputs import done
 from tests.light_frames import write_light_frames
 
 
@@ -25,13 +27,20 @@ def main(n_kills: int) -> int:
     expected, k = without_times(root / "whole"), 0
     while total < n_kills:
         out = root / f"killed-{k}"
-        killed = killed_until_done([*batch, str(out)], out, n_kills - total, rng, lambda text: print(text, flush=True))
+        n_done = partial(_n_done, out)
+        killed = killed_until_done(
+            [*batch, str(out)], n_done, n_kills - total, rng, lambda text: print(text, flush=True)
+        )
         same = without_times(out) == expected
         print(f"{killed.kills} kills, after {killed.frames_at_kill} frames: {'same' if same else 'OTHER'} tables")
         if not same:
             return 1
         total, k = total + killed.kills, k + 1
     return 0
+
+
+def _n_done(out: Path) -> int:
+    return len(done(out))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""Milliseconds for the score around an answer, at ground truth of the built-in scenes mug and clutter.
+"""Milliseconds for what the image allows, at ground truth of the built-in scenes mug and clutter, and for the page's
+curves and maps around it.
 
-The page works out all of it; a batch walks as far as it takes to know the widths. One thread, as a batch's worker has,
-is that of the ``NUMBA_NUM_THREADS`` variable.
+One thread, as a batch's worker has, is that of the ``NUMBA_NUM_THREADS`` variable.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from statistics import median
 from time import perf_counter
 from typing import Any
 
+from verefine_viz.evaluation.allowed_search import allowed_poses
 from verefine_viz.evaluation.depth_noise import ScoreNoise
-from verefine_viz.evaluation.landscape import landscape, score_slice, undetermined
+from verefine_viz.evaluation.landscape import landscape, score_slice
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
@@ -33,16 +34,16 @@ def run() -> list[dict[str, Any]]:
         for target in toolbox.problem(toolbox.frames[0]).targets:
             T = target.instance.T_cam_obj_gt
             assert T is not None
-            around = landscape(verifier, target, T)
+            allowed = allowed_poses(verifier, target, T)
             rows.append(
                 {
                     "object": target.model.name,
                     "noise, ms": _median_ms(partial(ScoreNoise, verifier, target, T)),
-                    "widths for a batch, ms": _median_ms(partial(undetermined, verifier, target, T)),
-                    "landscape, ms": _median_ms(partial(landscape, verifier, target, T)),
-                    "slice, ms": _median_ms(partial(score_slice, verifier, target, around, 5, 0)),
-                    "undetermined, °": around.undetermined_deg,
-                    "undetermined, mm": around.undetermined_mm,
+                    "allowed poses, ms": _median_ms(partial(allowed_poses, verifier, target, T)),
+                    "curves, ms": _median_ms(partial(landscape, verifier, target, allowed)),
+                    "slice, ms": _median_ms(partial(score_slice, verifier, target, allowed, 5, 0)),
+                    "undetermined, °": allowed.undetermined_deg,
+                    "undetermined, mm": allowed.undetermined_mm,
                 }
             )
     return rows

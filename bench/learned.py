@@ -19,10 +19,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from verefine_viz.core.accuracy import PoseErrors
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.protocols import Refiner
-from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.refiners.registry import make_refiner
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
@@ -48,7 +49,7 @@ class Row:
     def cells(self) -> list[str]:
         add = np.array([e.add_s_mm for e in self.errors])
         auc = 100 * np.clip(1 - add / AUC_MM, 0, None).mean()
-        right = 100 * np.mean([e.relative < 0.1 for e in self.errors])
+        right = 100 * np.mean([e.is_correct for e in self.errors])
         ms = f"{self.ms_per_call:.2f}" if self.ms_per_call else ""
         return [self.start, self.name, str(len(add)), f"{np.median(add):.1f}", f"{auc:.0f}", f"{right:.0f}", ms]
 

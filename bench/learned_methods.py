@@ -25,13 +25,15 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from verefine_viz.core.accuracy import CORRECT
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner
+from verefine_viz.evaluation.answer_recalls import answer_recalls
 from verefine_viz.evaluation.bootstrap import CellSums, draws
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
-from verefine_viz.studies.solve_unit import quality
 
 STARTS = ((10, 10), (20, 20), (30, 30), (45, 40), (60, 40))
 """Turn [deg] and shift [mm], as in bench/learned.py."""
@@ -43,7 +45,7 @@ KEY_FRAMES = ("49/2365", "50/1")
 """That the estimators' poses are of."""
 METHODS = ("refine", "sir", "rir", "vf_depth")
 REFINERS = ("icp", "depth_net", "depth_net_icp")
-RIGHT, AUC_MM = 0.1, 20.0
+AUC_MM = 20.0
 
 
 class Timed:
@@ -162,10 +164,9 @@ def solved(box: Toolbox, problems: list[Problem], key: tuple[str, str, int, str,
         seconds += process_time() - began
         for target, best in zip(problem.targets, final.best, strict=True):
             if best is not None and target.instance.T_cam_obj_gt is not None:
-                of = quality(target, best.T_cam_obj, problem)
-                assert of.add_s_mm is not None
-                assert of.relative is not None
-                answers.append(Answer(problem.frame, target.model.name, of.add_s_mm, of.relative, of.ar))
+                errors = pose_errors(target.model, best.T_cam_obj, target.instance.T_cam_obj_gt)
+                ar = answer_recalls(target, best.T_cam_obj, problem.observation).ar
+                answers.append(Answer(problem.frame, target.model.name, errors.add_s_mm, errors.relative, ar))
     n = len(problems)
     return Cell(*key, n, 1e3 * seconds / n, 1e3 * timed.seconds / max(timed.n_calls, 1), tuple(answers))
 
@@ -182,7 +183,7 @@ def sums(cells: list[Cell], value: str) -> CellSums:
     of = {(f"{c.dataset} {a.frame}", a.name): [] for c in cells for a in c.answers}
     for c in cells:
         for a in c.answers:
-            values = {"right": float(a.relative < RIGHT), "auc": max(1 - a.add_s_mm / AUC_MM, 0.0), "ar": a.ar}
+            values = {"right": float(a.relative < CORRECT), "auc": max(1 - a.add_s_mm / AUC_MM, 0.0), "ar": a.ar}
             of[f"{c.dataset} {a.frame}", a.name].append(values[value])
     frames, names = sorted({f for f, _ in of}), sorted({name for _, name in of})
     total, n = np.zeros((2, len(frames), len(names)))
@@ -224,7 +225,7 @@ def show(cells: list[Cell]) -> None:
     console.print(table)
     for refiner in REFINERS:
         furthest = [c for c in used if (c.start, c.method, c.refiner) == (order[len(STARTS) - 1], "rir", refiner)]
-        wrong = Counter(a.name for c in furthest for a in c.answers if a.relative >= RIGHT)
+        wrong = Counter(a.name for c in furthest for a in c.answers if a.relative >= CORRECT)
         console.print(f"wrong in rir, {refiner}, {order[len(STARTS) - 1]}: {dict(wrong.most_common())}")
     seeds = sorted({c.seed for c in used})
     console.print(f"{len(used)} cells of {len(seeds)} seeds: {seeds}")

@@ -10,10 +10,10 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import trimesh
@@ -29,6 +29,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
+from verefine_viz.page.answers_to_wants import TrackFrame
 from verefine_viz.page.protocol import Open, TrackWanted
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.object_track import track
@@ -130,8 +131,8 @@ def measured(folder: Path) -> list[dict[str, object]]:
     space = debugger.space
     obj = space.problem.targets[0].instance.instance_id
 
-    def strip() -> list[dict[str, Any]]:
-        return track(space, TrackWanted(obj), debugger.blobs)["frames"]
+    def strip() -> Sequence[TrackFrame]:
+        return track(space, TrackWanted(obj), debugger.blobs).frames
 
     frames, first = _timed(strip)
     strips = [_timed(strip)[1] for _ in range(N_CLICKS)]
@@ -142,9 +143,9 @@ def measured(folder: Path) -> list[dict[str, object]]:
     ]
     clicks = []
     for row in frames[1 :: max(len(frames) // N_CLICKS, 1)]:
-        verbs = [Open(frame=row["frame"])]
+        verbs = [Open(frame=row.frame)]
         clicks.append(_timed(lambda verbs=verbs: debugger.carry_out(verbs))[1])
-    marked = [row["frame"] for row in frames if row["kind"] in ("flip", "jump")]
+    marked = [row.frame for row in frames if row.kind in ("flip", "jump")]
     Console().print(f"marked: {', '.join(marked)}")
     return [*rows, {"what": "a click: the frame open, its recorded steps read", "ms": statistics.median(clicks)}]
 

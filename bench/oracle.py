@@ -22,13 +22,13 @@ import numpy as np
 from scipy.optimize import minimize
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause
 from verefine_viz.core.geometry import apply, axis_angle, random_unit_vector, transform
 from verefine_viz.diagnosis.case import ALONE, TOGETHER, Case
-from verefine_viz.diagnosis.causes import Cause, Diagnosis
-from verefine_viz.diagnosis.diagnose import diagnosed, failed_cases
+from verefine_viz.diagnosis.diagnose import Diagnosis, diagnosed, failed_cases
 from verefine_viz.diagnosis.score_causes import scored
+from verefine_viz.evaluation.allowed_poses import CANNOT_TELL
 from verefine_viz.evaluation.depth_noise import depth_noise, resampled
-from verefine_viz.evaluation.landscape import CANNOT_TELL
 from verefine_viz.evaluation.pose_errors import adds_mm
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.run.session_file import resolve
@@ -193,8 +193,8 @@ def main() -> int:
     parser.add_argument("--rotation", type=float, default=40.0)
     parser.add_argument("--translation", type=float, default=20.0)
     args = parser.parse_args()
-    named: Counter[Cause] = Counter()
-    confirmed: Counter[Cause] = Counter()
+    named: Counter[str] = Counter()
+    confirmed: Counter[str] = Counter()
     n_objects = 0
     ms: list[float] = []
     for seed in range(args.first, args.first + args.seeds):

@@ -43,7 +43,7 @@ _UNTIL = """(clicked, holds) => new Promise((resolve) => {
   const look = () => requestAnimationFrame(holds() ? () => requestAnimationFrame(done) : look);
   look();
 })"""
-_STEP_NOW = f"""async (k) => {{
+_STEP = f"""async (k) => {{
   const until = {_UNTIL};
   const clicked = performance.now();
   [...document.querySelectorAll("button")].find((b) => b.textContent.trim() === "Step").click();
@@ -51,18 +51,7 @@ _STEP_NOW = f"""async (k) => {{
   const maps = until(clicked, () => window.bench.k() === k && window.bench.mapped());
   return [await words, await maps];
 }}"""
-_STEP_BEFORE = f"""async (k) => {{
-  const until = {_UNTIL};
-  const clicked = performance.now(), source = () => document.querySelector(".map.difference img")?.src;
-  const before = source();
-  [...document.querySelectorAll("button")].find((b) => b.textContent.trim() === "Step ▶").click();
-  const words = until(clicked, () => document.body.textContent.includes(`Iteration ${{k}} of `));
-  const maps = until(clicked, () => source() !== undefined && source() !== before);
-  return [await words, await maps];
-}}"""
-_USEFUL_NOW = """() => document.querySelectorAll(".maps canvas").length > 0 && window.bench?.mapped()"""
-_USEFUL_BEFORE = """() => document.querySelectorAll(".map img").length > 0
-  && [...document.querySelectorAll(".map img")].every((i) => i.complete)"""
+_USEFUL = """() => document.querySelectorAll(".maps canvas").length > 0 && window.bench?.mapped()"""
 # Every animation frame takes the cursor to another iteration that is known; the 3D view, which draws by software, is
 # taken away.
 _SCRUB = """async (n) => {
@@ -100,27 +89,25 @@ def served(checkout: Path, session: str) -> Iterator[tuple[str, subprocess.Popen
         server.wait()
 
 
-def measured(browser: Browser, checkout: Path, session: str, is_before: bool) -> dict[str, list[float]]:
+def measured(browser: Browser, checkout: Path, session: str) -> dict[str, list[float]]:
     """Open the page, step through it and scrub it once."""
     times: dict[str, list[float]] = {}
     with served(checkout, session) as (address, server, began):
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.goto(address)
-        if not is_before:
-            page.evaluate(_PAGE)
-        _wait(page, _USEFUL_BEFORE if is_before else _USEFUL_NOW)
+        page.evaluate(_PAGE)
+        _wait(page, _USEFUL)
         seen, (started, heard) = time.perf_counter(), began
         times["program to the first useful picture [ms]"] = [1e3 * (seen - started)]
         times["address to the first useful picture [ms]"] = [1e3 * (seen - heard)]
         for k in range(1, STEPS + 1):
             page.wait_for_timeout(CALM_MS)
-            words, maps = page.evaluate(_STEP_BEFORE if is_before else _STEP_NOW, k)
+            words, maps = page.evaluate(_STEP, k)
             if k > 2:  # The first steps are not timed: software WebGL compiles its shaders then.
                 times.setdefault("step to words [ms]", []).append(words)
                 times.setdefault("step to score maps [ms]", []).append(maps)
-        if not is_before:
-            page.wait_for_timeout(2000)
-            times["scrubbing, 3D aside [pictures/s]"] = [page.evaluate(_SCRUB, STEPS)]
+        page.wait_for_timeout(2000)
+        times["scrubbing, 3D aside [pictures/s]"] = [page.evaluate(_SCRUB, STEPS)]
         times["memory of the server [MB]"] = [psutil.Process(server.pid).memory_info().rss / 1e6]
         page.close()
     return times
@@ -143,9 +130,15 @@ def memory(session: str, n_verbs: int) -> list[float]:
     with served(ROOT, session) as (address, server, _):
         process, sizes = psutil.Process(server.pid), []
         with connect(f"{address.replace('http', 'ws')}ws", max_size=None) as window:
+            while (frame := json.loads(window.recv()))["t"] != "frame":
+                pass
+            first = next(one for one in frame["objects"] if one["arms"])
+            obj, poses = first["id"], [arm["T"] for arm in first["arms"]]
             for k in range(n_verbs):
-                look = {"verb": "look", "branch": 0, "k": k % 5, "stage": None}
-                want = {"verb": "want", "id": str(k), "of": {"what": "physics", "branch": 0, "k": k % 5}}
+                T = poses[k % len(poses)]
+                look = {"verb": "look", "branch": 0, "obj": obj, "draw": [[obj, T, "initial", 0.9]]}
+                of = {"what": "physics", "branch": 0, "obj": obj, "stands": [[obj, T]], "poses": [["initial", T]]}
+                want = {"verb": "want", "id": str(k), "of": of}
                 for verb in (look, want, {"verb": "seek", "branch": 0, "k": 5}):
                     window.send(json.dumps(verb))
                 while json.loads(window.recv())["t"] != "answer":
@@ -167,9 +160,9 @@ def main() -> None:
     before: dict[str, list[float]] = {}
     with headless_chromium() as browser:
         for _ in range(ROUNDS):
-            _add(now, measured(browser, ROOT, session, is_before=False))
+            _add(now, measured(browser, ROOT, session))
             if given.before is not None:
-                _add(before, measured(browser, given.before, session, is_before=True))
+                _add(before, measured(browser, given.before, session))
     table = Table("what", "now", "range", "before", "range", "ratio", title=Path(session).stem)
     for what, times in now.items():
         table.add_row(what, *_cells(times), *_cells(before.get(what)), _ratio(times, before.get(what)))

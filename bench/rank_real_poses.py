@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion
 from scipy.stats import spearmanr
 
+from verefine_viz.core.accuracy import CORRECT
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance, Placed, Problem, Target
@@ -245,7 +246,7 @@ def rank(
         "top1": float(e[best] <= e.min() + 1.0),
         "regret_mm": float(e[best] - e.min()),
         "gt_beaten": float((s > scores[0]).any()),
-        "gt_beaten_by_wrong": float((s[e > 0.1 * diameter_mm] > scores[0]).any()),
+        "gt_beaten_by_wrong": float((s[e > CORRECT * diameter_mm] > scores[0]).any()),
     }
     out["spread"] = float(scores[0] - np.median(s[e > np.median(e)]))
     if is_close_turn.any():

@@ -17,8 +17,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from verefine_viz.core.accuracy import PoseErrors
 from verefine_viz.core.problem import Problem
-from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
@@ -44,7 +45,7 @@ class Row:
             f"{add.mean():.1f}",
             f"{np.median([e.rotation_deg for e in self.errors]):.1f}",
             f"{np.median([e.translation_mm for e in self.errors]):.1f}",
-            f"{100 * np.mean([e.relative < 0.1 for e in self.errors]):.0f}",
+            f"{100 * np.mean([e.is_correct for e in self.errors]):.0f}",
             f"{self.ms_per_object:.0f}",
         ]
 

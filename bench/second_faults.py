@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 from tests.failing_scenes import GENERATORS
 from tests.made_up_frames import SETTINGS, Broken, leaning, level, seen_through
 from verefine_viz.core.arrays import Mask
-from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.core.causes import Cause
 from verefine_viz.studies.disturbance import without_depth
 
 

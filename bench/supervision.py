@@ -3,6 +3,9 @@
 ``python -m bench.supervision [CONDITION …] [--seeds 3]``. For each condition: AR of both, the paired difference with
 its 95 % interval, the share of SIR's iterations in which it kept the simulated pose instead of the refined one, and the
 share of answers that are the same to the bit. Built-in scenes, preset published.
+
+Two other methods, of which the second one's iterations are counted, are compared by ``--methods physim_mcts vf_breadth
+--refiner trimmed_icp --hypotheses 5``, with the paper's simulation steps for the refiner.
 """
 
 from __future__ import annotations
@@ -16,11 +19,13 @@ from scipy.ndimage import binary_dilation
 
 from tests.made_up_frames import leaning, seen_through
 from verefine_viz.core.problem import Problem
+from verefine_viz.evaluation.answer_recalls import answer_recalls
+from verefine_viz.methods.known_methods import ALL_METHOD_NAMES, method_of
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.studies.budgets import budget_of
 from verefine_viz.studies.disturbance import disturbed, without_top
 from verefine_viz.studies.grasp_table import band
-from verefine_viz.studies.solve_unit import quality
 
 SCENES = ("mug", "duck", "bracket", "clutter")
 
@@ -75,24 +80,30 @@ CONDITIONS = (
 )
 
 
-def measured(condition: Condition, n_seeds: int) -> dict[str, object]:
-    """One row of the table."""
+def measured(
+    condition: Condition, n_seeds: int, names: Sequence[str], refiner: str, n_hypotheses: int
+) -> dict[str, object]:
+    """One row of the table, of two methods by name."""
     answers: list[tuple[float, float]] = []
     n_simulated, n_iterations, n_same = 0, 0, 0
     for scene in condition.scenes:
         toolbox = Toolbox(load_session(None, {"preset": "published", "scene": {"demo": scene}}))
         whole = toolbox.problem(toolbox.frames[0])
-        settings = {"iterations": condition.iterations, "sim_candidate": condition.sim_candidate}
-        pir, sir = (toolbox.changed({"method": {"name": name, **settings}}) for name in ("pir", "sir"))
+        settings = {"iterations": condition.iterations, "sim_candidate": condition.sim_candidate, "refiner": refiner}
+        physics = {"steps": budget_of(refiner).steps}
+        tools = [toolbox.changed({"method": {"name": name, **settings}, "physics": physics}) for name in names]
         for seed in range(n_seeds):
-            first = disturbed(whole, 1, condition.rotation_deg, condition.translation_mm, seed)
+            first = disturbed(whole, n_hypotheses, condition.rotation_deg, condition.translation_mm, seed)
             problem = condition.spoil(first)
-            found = pir.run(problem), sir.run(problem)
+            found = [one.run(problem) for one in tools]
             ends = [run.finish().best for run in found]
             for target, a, b in zip(problem.targets, *ends, strict=True):
                 assert a is not None
                 assert b is not None
-                answers.append((quality(target, a.T_cam_obj, whole).ar, quality(target, b.T_cam_obj, whole).ar))
+                first_ar, second_ar = (
+                    answer_recalls(target, T, whole.observation).ar for T in (a.T_cam_obj, b.T_cam_obj)
+                )
+                answers.append((first_ar, second_ar))
                 n_same += bool(np.array_equal(a.T_cam_obj, b.T_cam_obj))
             n_simulated += sum(i.accepted == "simulated" for i in found[1].iterations)
             n_iterations += found[1].length
@@ -101,8 +112,8 @@ def measured(condition: Condition, n_seeds: int) -> dict[str, object]:
     return {
         "condition": condition.name,
         "objects": len(ar),
-        "PIR": f"{ar[:, 0].mean():.1f}",
-        "SIR": f"{ar[:, 1].mean():.1f}",
+        method_of(names[0]).label: f"{ar[:, 0].mean():.1f}",
+        method_of(names[1]).label: f"{ar[:, 1].mean():.1f}",
         "gain": f"{(ar[:, 1] - ar[:, 0]).mean():+.1f} ({low:+.1f} to {high:+.1f})",
         "simulated kept": f"{n_simulated / n_iterations:.0%}",
         "same answer": f"{n_same / len(ar):.0%}",
@@ -114,12 +125,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("conditions", nargs="*", help="words that the names of the wanted ones begin with")
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--methods", nargs=2, default=("pir", "sir"), choices=ALL_METHOD_NAMES)
+    parser.add_argument("--refiner", default="icp")
+    parser.add_argument("--hypotheses", type=int, default=1)
     args = parser.parse_args()
     wanted = [c for c in CONDITIONS if not args.conditions or c.name.startswith(tuple(args.conditions))]
     if not wanted:
         parser.error(f"no condition begins so; there are: {'; '.join(c.name for c in CONDITIONS)}")
     for condition in wanted:
-        print(measured(condition, args.seeds), flush=True)
+        print(measured(condition, args.seeds, args.methods, args.refiner, args.hypotheses), flush=True)
     return 0
 
 

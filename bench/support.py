@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from scipy.ndimage import binary_erosion
 
 from verefine_viz.core.arrays import Float
@@ -20,6 +19,7 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.surroundings import SUPPORT_ID
+from verefine_viz.diagnosis.measured_heights import base_of
 from verefine_viz.physics.plausibility import plausibility
 from verefine_viz.physics.proximity import Surfaces
 from verefine_viz.physics.simulator import BulletSimulator, plane_of
@@ -29,8 +29,6 @@ from verefine_viz.run.toolbox import Toolbox
 
 OFF_MM = 3.0
 """Ground truth that sinks or floats by more counts."""
-BASE_DEG = 15.0
-"""A face of the model's hull that leans less is what the object stands on [deg]."""
 ROUNDS, REPEATS = 5, 10
 """The fastest of so many rounds of so many simulations counts: other programs run as well."""
 
@@ -46,20 +44,15 @@ def settle_ms(simulator: BulletSimulator, placed: Placed, others: Sequence[Place
     return 1e3 * min(rounds) / REPEATS
 
 
-def base_of(placed: Placed, T_world_obj: Float) -> str:
-    """The face of the hull that the object stands on: height of its middle and of its lowest corner [mm], and its angle
-    to level; empty where it stands on none, as a banana does.
+def base_row(placed: Placed, T_world_obj: Float, support: Support) -> str:
+    """What the object stands on: height of its middle and of the lowest vertex [mm], and its angle to level; empty
+    where it stands on nothing level.
     """
-    hull = trimesh.convex.convex_hull(placed.model.vertices)
-    normals = np.asarray(hull.face_normals) @ T_world_obj[:3, :3].T
-    down = np.flatnonzero(-normals[:, 2] >= np.cos(np.radians(BASE_DEG)))
-    if not len(down):
+    base = base_of(placed.model, placed.T_cam_obj, support)
+    if base is None:
         return ""
-    areas = np.asarray(hull.area_faces)[down]
-    x, y, z = areas @ normals[down]
-    middle_m = areas @ apply(T_world_obj, np.asarray(hull.triangles_center)[down])[:, 2] / areas.sum()
-    lowest_m = apply(T_world_obj, np.asarray(hull.vertices)[np.unique(hull.faces[down])])[:, 2].min()
-    return f"{1e3 * middle_m:6.1f} {1e3 * lowest_m:7.1f} {np.degrees(np.arctan2(np.hypot(x, y), -z)):5.1f}°"
+    lowest_m = apply(T_world_obj, placed.model.vertices)[:, 2].min()
+    return f"{1e3 * base.middle_m:6.1f} {1e3 * lowest_m:7.1f} {np.hypot(*base.lean_deg):5.1f}°"
 
 
 def table_mm(problem: Problem, support: Support, xy: Float) -> float:
@@ -121,7 +114,7 @@ def main(dataset: Path) -> None:
                 table_mm(problem, support, T_world_obj[:2, 3]),
                 top_mm(problem.target(one.instance_id), one, support),
             )
-            ground = f"{heights_mm[0]:5.1f} {heights_mm[1]:5.1f} {base_of(one, T_world_obj)}"
+            ground = f"{heights_mm[0]:5.1f} {heights_mm[1]:5.1f} {base_row(one, T_world_obj, support)}"
             print(f"{frame:10} {one.model.name[:19]:19} {numbers} | {ground}")
     gaps, sinks, times = (np.array(rows)[:, k::3] for k in range(3))
     for k, name in enumerate(("plane", "observed")):

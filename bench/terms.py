@@ -25,14 +25,13 @@ from rich.console import Console
 from rich.table import Table
 
 from verefine_viz.core.problem import Problem
+from verefine_viz.evaluation.answer_recalls import answer_recalls
 from verefine_viz.evaluation.bootstrap import CellSums, draws
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
-from verefine_viz.studies.solve_unit import quality
 
-RIGHT = 0.1
 DISTURBED_DEG = (30.0, 60.0)
 
 
@@ -71,8 +70,8 @@ def answers(run: Run, problem: Problem, seed: int) -> list[Answer]:
         as_it_looks = pose_errors(replace(target.model, symmetries=np.eye(4)[None]), best.T_cam_obj, T_gt)
         n_flipped = sum(i.accepted == "flipped" for i in run.iterations if i.instance_id == instance_id)
         of = target.model.name, f"{problem.scene_id}/{problem.im_id}", seed
-        right = errors.relative < RIGHT, as_it_looks.relative < RIGHT
-        ar = quality(target, best.T_cam_obj, problem).ar
+        right = errors.is_correct, as_it_looks.is_correct
+        ar = answer_recalls(target, best.T_cam_obj, problem.observation).ar
         out.append(Answer(*of, errors.add_s_mm, as_it_looks.add_s_mm, ar, *right, n_flipped))
     return out
 
@@ -98,7 +97,7 @@ def rows(weight: float) -> dict[str, dict[str, Row]]:
             "all": Row({"score": colour, "hypotheses": flips, "physics": observed}),
         },
         "plausibility": {
-            "as recommended": Row({}),
+            "plain": Row({}),
             "w = 0.1": Row({"score": {"plausibility_weight": 0.1}}),
             "w = 0.3": Row({"score": {"plausibility_weight": 0.3}}),
         },

@@ -19,12 +19,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from verefine_viz.core.accuracy import PoseErrors
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.presets import PRESETS
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner
-from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
-from verefine_viz.methods.registry import method_of
+from verefine_viz.evaluation.pose_errors import pose_errors
+from verefine_viz.methods.known_methods import method_of
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
@@ -71,7 +72,7 @@ class Row:
             f"{np.mean([e.rotation_deg for e in self.errors]):.1f}",
             f"{np.median([e.translation_mm for e in self.errors]):.1f}",
             f"{np.mean([e.translation_mm for e in self.errors]):.1f}",
-            f"{100 * np.mean([e.relative < 0.1 for e in self.errors]):.0f}",
+            f"{100 * np.mean([e.is_correct for e in self.errors]):.0f}",
             f"{1e3 * self.seconds / frames:.0f}",
             f"{self.calls / frames:.0f}",
         ]

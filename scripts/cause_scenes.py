@@ -5,7 +5,6 @@ Like ``verefine_viz/scenes/demo_scenes.py`` each sets up the cause, never the re
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,18 +19,16 @@ from verefine_viz import cli
 from verefine_viz.commands.flags import given
 from verefine_viz.commands.view import ViewCommand
 from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.causes import CAUSES, Cause
 from verefine_viz.core.geometry import axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.run.session_file import load_session, resolve
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes import demo
 from verefine_viz.scenes.demo_layout import DemoScene, Item, OwnPoses, Viewpoint
 from verefine_viz.scenes.demo_scenes import FAILURES
 
-CAUSES = Path(__file__).resolve().parents[1] / "docs" / "causes.md"
-COMMAND = re.compile(r"\(causes/(\w+)\.png\)\n\n`verefine-viz (view --.+)`")
 X, Z = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
 
 
@@ -145,7 +142,7 @@ SCENES: dict[Cause, CauseScene] = {
 
 
 def session_of(cause: Cause, folder: Path) -> Session:
-    """A failure of this cause: that of its command with options in docs/causes.md, else its scene.
+    """A failure of this cause: that of its command with options, else its scene.
 
     Args:
         cause: what is to be broken.
@@ -166,9 +163,9 @@ def session_of(cause: Cause, folder: Path) -> Session:
     return resolve({"title": session.title, "scene": scene, "hypotheses": {"source": "recorded"}, **one.sections})
 
 
-def commands() -> dict[str, list[str]]:
+def commands() -> dict[Cause, list[str]]:
     """The commands with options in docs/causes.md, as words, by the cause that they show."""
-    return {cause: words.split() for cause, words in COMMAND.findall(CAUSES.read_text("utf-8"))}
+    return {cause: known.command.split() for cause, known in CAUSES.items() if known.command.startswith("view --")}
 
 
 def _with_truth(problem: Problem, spoil_truth: Callable[[Float], Float | None], folder: Path) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -21,7 +22,7 @@ from tests.browser.conftest import SESSIONS, Screen  # noqa: E402
 from tests.headless_chromium import headless_chromium  # noqa: E402
 from verefine_viz import cli  # noqa: E402
 from verefine_viz.core.algorithm_settings import BreakpointSettings  # noqa: E402
-from verefine_viz.diagnosis.causes import Cause  # noqa: E402
+from verefine_viz.core.causes import CAUSES, Cause  # noqa: E402
 from verefine_viz.page.app import App  # noqa: E402
 from verefine_viz.page.openable import read_openable  # noqa: E402
 
@@ -30,18 +31,15 @@ SIZE = {"width": 1280, "height": 760}
 WIDTH_PX = 960
 """Of the pictures of README."""
 STILL_MS, LAST_MS = 1100, 4000
-CAUSES = {
-    "failure_no_hypothesis_near": ("pool", ".pane.image .stage"),
-    "failure_icp_slides": ("refiner", ".pane.image .stage"),
-    "failure_simulation_topples": ("simulation", ".pane.scene"),
-    "failure_score_prefers_wrong": ("score", ".pane.image .stage"),
-    "failure_score_prefers_flip": ("symmetric", ".pane.image .stage"),
-    "failure_arm_starved": ("arm_starved", ".timeline"),
-    "failure_mask_leaks": ("mask", ".pane.image .stage"),
-    "failure_out_of_range": ("out_of_range", ".pane.image .stage"),
-    "failure_wrong_plane": ("plane", ".pane.scene"),
+IMAGE = ".pane.image .stage"
+PANES = {Cause.SIMULATION: ".pane.scene", Cause.PLANE: ".pane.scene", Cause.ARM_STARVED: ".timeline"}
+"""Where the page shows a cause, if not in the image."""
+SHOWN_BY = {
+    cause: known.command.removeprefix("view ")
+    for cause, known in CAUSES.items()
+    if re.fullmatch(r"view \w+", known.command)
 }
-"""Of each session the cause that it shows, and where the page shows it."""
+"""The built-in session that shows a cause."""
 
 
 @contextmanager
@@ -119,7 +117,7 @@ def tour(browser: Any) -> None:
         save(picture(screen), DOCS / "tour" / "maps.png")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "runs"
-        sessions = [str(SESSIONS / f"{name}.toml") for name in (*CAUSES, "clutter")]
+        sessions = [str(SESSIONS / f"{name}.toml") for name in (*SHOWN_BY.values(), "clutter")]
         if cli.main(["batch", *sessions, "--out", str(out), "--workers", "2"]):
             raise SystemExit("the batch failed")
         with shown(browser, out) as screen:
@@ -130,11 +128,11 @@ def tour(browser: Any) -> None:
 
 def causes(browser: Any) -> None:
     """A picture of each cause that a built-in session shows."""
-    for session, (cause, where) in CAUSES.items():
+    for cause, session in SHOWN_BY.items():
+        where = PANES.get(cause, IMAGE)
         with shown(browser, SESSIONS / f"{session}.toml", width=1440, height=860) as screen:
             screen.finish()
-            if cause == "mask":
-                screen.page.get_by_role("button", name="mask", exact=True).first.click()
+            screen.app.wait_until_idle(60)
             save(picture(screen, where), DOCS / "causes" / f"{cause}.png", 720 if where == ".timeline" else 480)
 
 
@@ -150,7 +148,7 @@ def spoilt(browser: Any) -> None:
                 screen.view(obj=screen.state("Math.max(...state.frame.objects.map((o) => o.id))"))
                 if cause == Cause.DEPTH:
                     screen.click("Depth")
-                save(picture(screen, ".pane.image .stage"), DOCS / "causes" / f"{cause}.png", 480)
+                save(picture(screen, IMAGE), DOCS / "causes" / f"{cause}.png", 480)
 
 
 if __name__ == "__main__":

@@ -29,12 +29,13 @@ from tests.made_up_frames import (
     standing,
 )
 from verefine_viz.core.arrays import Mask
+from verefine_viz.core.causes import Cause
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.diagnosis.case import ErrorOf, sampled_again
-from verefine_viz.diagnosis.causes import Cause, Diagnosis
-from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.diagnosis.case import sampled_again
+from verefine_viz.diagnosis.diagnose import Diagnosis, diagnose
+from verefine_viz.evaluation.pose_errors import ErrorOf
 from verefine_viz.physics.simulator import BulletSimulator, settle_to_rest
 from verefine_viz.scenes.demo_layout import LAYOUT_FRAME, Viewpoint
 

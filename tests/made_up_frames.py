@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
+from verefine_viz.core.causes import Cause
 from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Hypothesis, Instance, Placed, Problem
 from verefine_viz.core.settings import SceneSettings, Session
-from verefine_viz.diagnosis.case import ErrorOf
-from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.evaluation.pose_errors import ErrorOf
 from verefine_viz.observation.observed_frame import observe, segment_cloud
 from verefine_viz.rendering.rendered_scene import render_scene
 from verefine_viz.run.session_file import resolve
@@ -26,7 +26,7 @@ from verefine_viz.scenes.demo_layout import Viewpoint
 from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.scenes.meshes import Mesh
 from verefine_viz.scenes.models import model_of_mesh
-from verefine_viz.scenes.sensor import sense
+from verefine_viz.scenes.sensor import STEREO, Sensor, sense
 
 CAMERA = Camera(np.array([[285.0, 0, 159.5], [0, 285.0, 119.5], [0, 0, 1]]), 320, 240)
 SETTINGS = SceneSettings(model_points=1000, cloud_points=700)
@@ -69,6 +69,7 @@ def frame_of(
     spoil_mask: Callable[[int, Sequence[Mask]], Mask] = lambda k, masks: masks[k],
     spoil_support: Callable[[Support], Support] = lambda support: support,
     camera: Camera = CAMERA,
+    sensor: Sensor = STEREO,
 ) -> Problem:
     """A picture of things on a table, spoilt where asked for."""
     T_world_cam = (view or Viewpoint(elevation_deg=40, distance_m=0.52)).T_world_cam
@@ -81,7 +82,7 @@ def frame_of(
     normals = np.where(is_table[..., None], T_world_cam[2, :3], drawn.normals_cam)
     labels = np.where(is_table, -1, drawn.labels)
     masks = [labels == k for k in range(len(things))]
-    depth_m = sense(true_m, normals, camera, int(rng.integers(2**31)))
+    depth_m = sense(true_m, normals, camera, int(rng.integers(2**31)), sensor)
     depth_m = spoil_depth(depth_m, masks)
     given = {k: spoil_mask(k, masks) for k, t in enumerate(things) if t.is_asked_for}
     observation = observe(camera, depth_m, None, list(given.values()), SETTINGS, T_world_cam[:3, :3], T_world_cam)

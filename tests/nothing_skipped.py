@@ -13,8 +13,10 @@ import pytest
 VARIABLE = "VEREFINE_REQUIRE_ALL"
 NO_DATA = "no real frames beside the checkout (../shared/data)"
 """A good reason: they are too large to come with the program."""
+NO_OTHER_BROWSER = "beside Chromium, the page is tried in what is there"
+"""Another: Chromium is enough to work on the page."""
 NO_TORCH = "training needs the extra torch"
-"""The other one: it takes gigabytes, and only training needs it."""
+"""The last one: it takes gigabytes, and only training needs it."""
 
 
 @pytest.hookimpl(wrapper=True)
@@ -23,7 +25,7 @@ def pytest_runtest_makereport() -> Iterator[None]:
     report = yield
     if os.environ.get(VARIABLE) and report.skipped and not hasattr(report, "wasxfail"):
         reason = report.longrepr[2].removeprefix("Skipped: ")
-        if not reason.endswith((NO_DATA, NO_TORCH)):
+        if not reason.endswith((NO_DATA, NO_TORCH, NO_OTHER_BROWSER)):
             report.outcome = "failed"
             report.longrepr = f"skipped, which {VARIABLE} forbids: {reason}"
     return report

@@ -31,6 +31,7 @@ from tests.learned.tiny_network import constant_network
 from tests.made_runs import answer, finished, written
 from tests.recording.runs import run_file, session
 from tests.scenes.bop_folder import detections, make
+from tests.scenes.test_array_images import to_array
 from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_graspa_layout import _layout
 from tests.scenes.test_layouts import CASES
@@ -190,6 +191,7 @@ KINDS: dict[str, Kind] = {
     "traces": Kind(lambda folder: _traces(folder), open_folder),
     "traces, imported": Kind(lambda folder: _traces(folder), import_folder),
     "layout of FoundationPose": Kind(lambda folder: write_sequence(folder, 1), open_folder),
+    "arrays": Kind(lambda folder: _arrays(folder), open_folder),
     **{f"layout {k}": Kind(case.write, partial(open_layout, case.opened)) for k, case in enumerate(CASES)},
     "meshes": Kind(write_meshes, open_meshes),
     "single files": Kind(write_some, open_some),
@@ -204,6 +206,13 @@ def _traces(folder: Path) -> None:
     (mesh.parent / "skin.png").rename(mesh.parent / "textures/skin.png")
     for k, one in ((1, mesh), (2, write_box(folder.with_name(f"{folder.name}.obj")))):
         write_trace(folder / f"drop_{k}", one)
+
+
+def _arrays(folder: Path) -> None:
+    write_sequence(folder, 1)
+    for kind, dtype in (("depth", np.uint16), ("masks", np.bool_)):
+        for path in [*(folder / kind).iterdir()]:
+            to_array(path, dtype)
 
 
 # How a file is spoilt.

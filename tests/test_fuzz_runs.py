@@ -26,8 +26,10 @@ from tests.page.fake_tools import FakeTools
 from tests.page.made_batch import make_batch
 from verefine_viz.batch.completeness import check_files, write_tables
 from verefine_viz.batch.index import read_batch
+from verefine_viz.commands.report import report_tools
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.page.answers_to_wants import GoneAnswer
 from verefine_viz.page.gallery import read_gallery
 from verefine_viz.page.share import shared
 from verefine_viz.page.verbs import Debugger
@@ -36,8 +38,9 @@ from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import verify
 from verefine_viz.report.write_report import write_report
 from verefine_viz.run.engine import Run
-from verefine_viz.run.record import RunRecord, session_of
+from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import MAGIC, framed, read_run_file
+from verefine_viz.run.run_header import session_of
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -120,7 +123,7 @@ def again(record: RunRecord) -> Run:
 def view(folder: Path, file: Path) -> None:
     debugger = Debugger(Workspace(Session(), None, FakeTools, recording=file), lambda message, window: None)
     run = shared(debugger.carry_out(()), "verefine-viz view", "all")
-    gone = [answer["gone"] for _, answer in run.answers if answer.get("gone")]
+    gone = [answer.gone for _, answer in run.answers if isinstance(answer, GoneAnswer)]
     assert not any(RAW.search(text) for text in gone), gone
 
 
@@ -164,7 +167,7 @@ def index(folder: Path, file: Path) -> None:
 
 
 def report(folder: Path, file: Path) -> None:
-    write_report([folder], folder.parent / "report.html", pictures=0)
+    write_report([folder], folder.parent / "report.html", report_tools(), pictures=0)
 
 
 READERS: tuple[Callable[[Path, Path], None], ...] = (view, view_batch, draw, compare, resume, index, report)

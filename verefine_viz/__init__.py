@@ -17,6 +17,7 @@ _HOMES = {
     **dict.fromkeys(("estimator", "refiner", "simulator", "verifier"), "library.plugins"),
     **dict.fromkeys(("estimate", "evaluate", "refine", "score", "score_maps", "settle"), "library.single_calls"),
     **dict.fromkeys(("Run", "solve", "step"), "library.solving"),
+    "label": "library.labelling",
     "show": "page.notebook",
     "share": "page.share",
     "Trace": "trace",

@@ -5,6 +5,7 @@ from verefine_viz.library.frame_to_solve import Frame as Frame
 from verefine_viz.library.frame_to_solve import OpenedFrame as OpenedFrame
 from verefine_viz.library.frame_to_solve import open_dataset as open_dataset
 from verefine_viz.library.frame_to_solve import open_frame as open_frame
+from verefine_viz.library.labelling import label as label
 from verefine_viz.library.plugins import estimator as estimator
 from verefine_viz.library.plugins import refiner as refiner
 from verefine_viz.library.plugins import simulator as simulator

@@ -1,4 +1,4 @@
-"""The command line: ``verefine-viz view | batch | estimate | evaluate | study | train | report | share | …``.
+"""The command line: ``verefine-viz view | label | batch | estimate | evaluate | study | train | report | share | …``.
 
 Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or input, 3 a recording that ended early,
 130 stopped by Ctrl-C, 143 by SIGTERM, 129 as the terminal was closed (SIGHUP).
@@ -33,6 +33,7 @@ from verefine_viz.commands.estimate import EstimateCommand
 from verefine_viz.commands.evaluate import EvaluateCommand
 from verefine_viz.commands.flags import HELP_SETTINGS, SECTIONS, show_help
 from verefine_viz.commands.import_data import ImportCommand
+from verefine_viz.commands.label import LabelCommand
 from verefine_viz.commands.replay import ReplayCommand
 from verefine_viz.commands.report import ReportCommand
 from verefine_viz.commands.share_file import ShareCommand
@@ -53,6 +54,7 @@ TIDYING_S = 5.0
 """How long after a signal to stop others are left out [s]."""
 COMMANDS: dict[str, type[Command]] = {
     "view": ViewCommand,
+    "label": LabelCommand,
     "batch": BatchCommand,
     "estimate": EstimateCommand,
     "evaluate": EvaluateCommand,

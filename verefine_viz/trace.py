@@ -134,7 +134,8 @@ class Trace:
         Args:
             name: the same in all traces of this object.
             mesh: PLY, OBJ, GLB or STL file; it is copied with its texture.
-            mask: (H, W) its visible pixels: all that is not 0; None = those that its first pose covers.
+            mask: (H, W) its visible pixels: all that is not 0, no labels of several objects; None = those that its
+                first pose covers.
             unit_m: metres per unit of the mesh file.
             truth: (4, 4) ground truth of T_cam_obj [m], or None.
             symmetry_axis: (3,) through the middle of the mesh's box; every turn about it looks the same. None = none.
@@ -174,11 +175,13 @@ class Trace:
             self.problem(f"mesh of {name}: {error}")
         try:
             if mask is not None:
-                inside = np.nan_to_num(_array(mask)) != 0
+                values = np.nan_to_num(_array(mask))
+                inside = values != 0
                 if inside.shape != self._shape or not inside.any():
                     what = "empty" if inside.shape == self._shape else f"of shape {inside.shape}"
                     raise ValueError(f"it is {what}, expected pixels of the object in shape {self._shape}, as depth_m")
-                _save(self.folder / f"mask_{number}.npy", inside)
+                # Whole numbers stay as they are: labels of several objects are named when the trace is opened.
+                _save(self.folder / f"mask_{number}.npy", values if values.dtype.kind in "iu" else inside)
                 line["mask"] = f"mask_{number}.npy"
         except Exception as error:
             self.problem(f"mask of {name}: {error}")

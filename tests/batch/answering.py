@@ -12,7 +12,8 @@ from verefine_viz.batch.runs import Runs
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import Session
-from verefine_viz.run.record import RunRecord, failed_run
+from verefine_viz.run.record import RunRecord
+from verefine_viz.run.run_header import failed_run
 
 AXIS = np.array([0.36, 0.48, 0.8])
 
@@ -29,14 +30,18 @@ def answered(session: Session, frame: str, out: Path) -> RunRecord:
     try:
         Runs(out / "runs").save(session, record)
     except VerefineError as error:
-        return failed_run(session, frame, str(error))
+        return failed_run(session, {}, frame, str(error))
     return record
 
 
-def work(channel: connection.Connection, session: Session, out: Path, task: str) -> None:
+def work(channel: connection.Connection) -> None:
     """Answers until the channel closes."""
+    of = None
     while True:
         try:
-            channel.send(answered(session, channel.recv(), out))
+            given, frame = channel.recv()
+            of = given or of
+            if frame is not None:
+                channel.send(answered(of.session, frame, of.out))
         except EOFError:
             return

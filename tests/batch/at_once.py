@@ -16,7 +16,8 @@ from verefine_viz.batch.run_batch import Backend, BatchOutcome, BatchStatus, Wor
 from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.settings import Session
-from verefine_viz.run.record import RunRecord, failed_run
+from verefine_viz.run.record import RunRecord
+from verefine_viz.run.run_header import failed_run
 
 
 def solved(frame: str) -> RunRecord:
@@ -31,7 +32,7 @@ def solved(frame: str) -> RunRecord:
 
 def failed(frame: str, message: str) -> RunRecord:
     """Nobody knows what is in it."""
-    return failed_run(Session(), frame, message)
+    return failed_run(Session(), {}, frame, message)
 
 
 Answers = Callable[[str], RunRecord | str | None]

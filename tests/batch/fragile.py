@@ -9,7 +9,6 @@ from multiprocessing import connection
 from pathlib import Path
 
 from tests.made_runs import finished
-from verefine_viz.core.settings import Session
 
 DIES, EXITS = "0/13", "0/17"
 DIES_ONCE = "0/19"
@@ -17,13 +16,17 @@ TAKES_LONG = "0/23", "0/29"
 WHY = "Compiling."
 
 
-def work(channel: connection.Connection, session: Session, out: Path, task: str) -> None:
+def work(channel: connection.Connection) -> None:
     """Answers each frame; is killed by one and leaves at another; says twice why one takes long."""
+    out = Path()
     while True:
         try:
-            frame = channel.recv()
+            given, frame = channel.recv()
         except EOFError:
             return
+        out = out if given is None else given.out
+        if frame is None:
+            continue
         if frame == DIES:
             os.kill(os.getpid(), signal.SIGKILL)
         if frame == DIES_ONCE and not (out / "died").exists():

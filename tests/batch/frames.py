@@ -13,6 +13,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from itertools import pairwise
 from pathlib import Path
 from time import monotonic
+from typing import Any
 
 import pytest
 
@@ -20,11 +21,8 @@ from tests.scenes.bop_folder import Made, make
 from verefine_viz import cli
 from verefine_viz.batch import batch_command, worker_pool
 from verefine_viz.batch.pace import Pace
-from verefine_viz.batch.solve_frame import TASKS
-from verefine_viz.batch.worker_tasks import TaskName
-from verefine_viz.core.settings import Session
-from verefine_viz.run.record import RunRecord
-from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.batch.worker_tasks import Work
+from verefine_viz.core.progress_token import NEVER_CANCELLED
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE_ID = 7
@@ -78,24 +76,24 @@ def command(*words: object) -> list[str]:
 
 
 class PoolHere:
-    """Solves frames in this process, one after another: a stand-in for one worker, which takes seconds to start."""
+    """Solves items in this process, one after another: a stand-in for one worker, which takes seconds to start."""
 
     needs = warning = ""
 
-    def __init__(self, session: Session, out: Path, n_workers: int, task: TaskName = "solve", *_: object) -> None:
+    def __init__(self, work: Work[Any, Any], n_workers: int, *_: object) -> None:
         assert n_workers == 1
-        self._task = TASKS[task]
-        self.switch_to(session, out)
+        self.switch_to(work)
 
-    def switch_to(self, session: Session, out: Path) -> None:
-        self._toolbox, self._out = Toolbox(session), out
+    def switch_to(self, work: Work[Any, Any]) -> None:
+        self._work, self._solve = work, work.begin(NEVER_CANCELLED)
 
-    def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord]:
-        for frame in frames:
-            pace.begin(frame, monotonic())
-            record = self._task(self._toolbox, frame, self._out)
-            pace.end(frame, monotonic(), record.end)
-            yield record
+    def solve(self, items: Iterable[Any], pace: Pace | None = None) -> Iterator[Any]:
+        pace = pace or Pace()
+        for item in items:
+            pace.begin(item, monotonic())
+            result = self._solve(item, lambda: None)
+            pace.end(item, monotonic(), self._work.end_of(result))
+            yield result
 
     def close(self) -> None:
         """Has nothing to end."""

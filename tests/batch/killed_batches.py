@@ -15,7 +15,6 @@ from pathlib import Path
 
 import psutil
 
-from tests.batch.outputs import done
 from verefine_viz.run.answers import COLUMNS
 
 TIMES = {column.name for column in COLUMNS if column.kind == "time"}
@@ -41,9 +40,20 @@ def without_times(out: Path) -> tuple[list[list[str]], list[dict[str, str]]]:
 
 
 def killed_until_done(
-    command: list[str], out: Path, n_kills: int, rng: random.Random, tell: Callable[[str], None] = lambda _: None
+    command: list[str],
+    n_done: Callable[[], int],
+    n_kills: int,
+    rng: random.Random,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Killed:
-    """Starts ``command``, which writes the batch ``out``, kills it, and so on; at last lets it run to its end.
+    """Starts ``command``, kills it, and so on; at last lets it run to its end.
+
+    Args:
+        command: of a batch or a study.
+        n_done: how many of its frames or units are done.
+        n_kills: how often.
+        rng: of the moments.
+        tell: gets a line for each kill.
 
     Raises:
         RuntimeError: a start hangs or fails, or workers outlive their parent.
@@ -53,15 +63,15 @@ def killed_until_done(
         child = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
-        wanted = _n_done(out) + rng.choice((0, 1, 1, 2, 3))
-        _wait_for(child, out, wanted)
+        wanted = n_done() + rng.choice((0, 1, 1, 2, 3))
+        _wait_for(child, n_done, wanted)
         # A third of them while the next start is still importing, the others between two frames or in the middle.
-        time.sleep(rng.uniform(0.0, 2.0 if wanted == _n_done(out) else 0.2))
+        time.sleep(rng.uniform(0.0, 2.0 if wanted == n_done() else 0.2))
         workers = psutil.Process(child.pid).children() if child.poll() is None else []
         child.kill()
         if child.wait() != -9:
             break  # It was done before.
-        at.append(_n_done(out))
+        at.append(n_done())
         tell(f"killed with {at[-1]} frames done")
         left = psutil.wait_procs(workers, timeout=PATIENCE_S)[1]
         if left:
@@ -72,13 +82,9 @@ def killed_until_done(
     return Killed(len(at), tuple(at))
 
 
-def _n_done(out: Path) -> int:
-    return len(done(out))
-
-
-def _wait_for(child: subprocess.Popen[bytes], out: Path, n_done: int) -> None:
+def _wait_for(child: subprocess.Popen[bytes], n_done: Callable[[], int], wanted: int) -> None:
     deadline = time.monotonic() + PATIENCE_S
-    while child.poll() is None and _n_done(out) < n_done:
+    while child.poll() is None and n_done() < wanted:
         if time.monotonic() > deadline:
             raise RuntimeError(f"no frame was done in {PATIENCE_S:.0f} s")
         time.sleep(0.01)

@@ -6,6 +6,7 @@ import pytest
 
 from tests.made_runs import answer
 from verefine_viz.batch.totals import Doubts, describe_doubts
+from verefine_viz.core.finding import Finding
 from verefine_viz.run.record import DATA_FIRST, Answer
 
 LARGE = "objects appear 11% larger: check cam_K"
@@ -36,8 +37,9 @@ def test_each_reason_is_reported_with_its_frames_the_most_frequent_first(whys: l
 
 
 def row(im_id: int, doubt: str) -> Answer:
-    told = f"{DATA_FIRST} {doubt}." if doubt else ""
-    return answer(scene_id=0, im_id=im_id, status="ok", evidence=f"The mask leaks. {told}")
+    return answer(
+        scene_id=0, im_id=im_id, findings=(Finding("mask", "The mask leaks."),), doubts=(doubt,) * bool(doubt)
+    )
 
 
 def test_a_frame_counts_once_however_many_of_its_objects_say_so() -> None:

@@ -16,10 +16,10 @@ from tests.made_runs import answer, finished
 from verefine_viz.batch.folder import RunFolder, first_change
 from verefine_viz.batch.runs import BatchInfo, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.run.answers import table_lines
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.session_file import load_session, resolve
-from verefine_viz.scenes.frames import parse_frame
 
 SESSION = resolve({"title": "a", "method": {"name": "sir"}})
 

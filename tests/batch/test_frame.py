@@ -11,13 +11,14 @@ from msgspec import structs
 from numba import njit
 
 from tests.batch.frames import depth_file, make_frames, write_session
+from tests.made_runs import write_first_format
 from tests.scenes.bop_folder import Made
 from verefine_viz.batch import solve_frame as causes
 from verefine_viz.batch.runs import Runs
 from verefine_viz.batch.solve_frame import FrameTask, end_again, explain_frame, solve_frame
+from verefine_viz.core.causes import Cause
 from verefine_viz.core.errors import InputError
-from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.evaluation.landscape import landscape
+from verefine_viz.evaluation.allowed_search import allowed_poses
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import verify
@@ -25,6 +26,7 @@ from verefine_viz.run.answers import STAGES, once_s, solving_s, table_lines
 from verefine_viz.run.record import RunEnd
 from verefine_viz.run.run_file import read_run_file, write_record
 from verefine_viz.run.session_file import load_session
+from verefine_viz.run.session_parts import weights_of
 from verefine_viz.run.toolbox import Toolbox
 
 
@@ -66,6 +68,7 @@ def test_the_recordings_that_were_asked_for_are_kept(
 ) -> None:
     result = solved(toolbox(made, keep, off_mm))
     assert [row.is_correct for row in result.answers] == [off_mm == 0.0] * 3
+    assert [row.ar == 1.0 for row in result.answers] == [off_mm == 0.0] * 3
     recordings = list((tmp_path / "recordings").glob("*"))
     assert len(recordings) == n_kept
     for file in recordings:
@@ -135,6 +138,23 @@ def test_a_frame_that_cannot_be_read_is_a_row(tmp_path: Path, made: Made) -> Non
     assert not (tmp_path / "errors").exists()
 
 
+@pytest.mark.usefixtures("processes")
+def test_a_record_names_the_weights_of_its_refiner_whatever_came_of_it(tmp_path: Path, made: Made) -> None:
+    session = toolbox(made, keep="all").session
+    tools = Toolbox(structs.replace(session, method=structs.replace(session.method, refiner="depth_net")))
+    weights = weights_of(tools.session)
+    assert [*weights] == ["depth_net weights"]
+    record = solve_frame(tools, "7/0", tmp_path)
+    assert not record.end.failed
+    (recording,) = (tmp_path / "recordings").glob("*")
+    for header in (record.header, Runs(tmp_path / "runs").entry("7/0").header, read_recording(recording).header):
+        assert header.versions.items() >= weights.items()
+    depth_file(made, 0).unlink()
+    failed = solve_frame(Toolbox(tools.session), "7/0", tmp_path)
+    assert failed.end.failed
+    assert failed.header.versions.items() >= weights.items()
+
+
 def test_an_error_that_nobody_foresaw_leaves_its_traceback(
     tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -174,13 +194,15 @@ def test_answers_causes_and_grasps_are_verified(tmp_path: Path, made: Made) -> N
         assert verify(path, None, end_again).difference is None
     record = read_run_file(path)
     assert record.end is not None
+    write_first_format(path, record)
+    assert verify(path, None, end_again).difference is None
     first, *others = record.end.answers
     assert first.grasp
     assert first.cause
     for fields in (
         {"add_s_mm": 1.0},
-        {"cause": ""},
-        {"evidence": "so"},
+        {"findings": ()},
+        {"doubts": ("so",)},
         {"grasp": "success"},
         {"best_hypothesis": None},
     ):
@@ -218,11 +240,14 @@ def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(made: Made
     result = solved(tools)
     page = Toolbox(tools.session)
     problem = page.problem("7/0")
-    best = page.run(problem).finish().best
+    run = page.run(problem)
+    best = run.finish().best
+    iterations = run.iterations
     for row, target, answer in zip(result.answers, problem.targets, best, strict=True):
-        around = landscape(page.verifier, target, answer.T_cam_obj)
-        assert row.undetermined_mm == around.undetermined_mm > 0
-        assert row.undetermined_deg == around.undetermined_deg > 0
+        allowed = allowed_poses(page.verifier, target, answer.T_cam_obj, (), iterations)
+        assert row.undetermined_mm == allowed.undetermined_mm > 0
+        assert row.undetermined_deg == allowed.undetermined_deg > 0
+        assert row.n_alike == len(allowed.alike)
 
 
 def test_a_frame_is_finished_only_once_its_recording_is(

@@ -21,6 +21,7 @@ from tests.full_disk import file_limit
 from verefine_viz import cli
 from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch import worker_pool as pool
+from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.runs import read_run
 from verefine_viz.core.errors import InputError
@@ -37,8 +38,10 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
 class Answering(PoolHere):
     """Has an answer for every frame at once."""
 
-    def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord]:
-        return (answering.answered(self._toolbox.session, frame, self._out) for frame in frames)
+    def solve(self, items: Iterable[str], pace: Pace | None = None) -> Iterator[RunRecord]:
+        work = self._work
+        assert isinstance(work, FrameWork)
+        return (answering.answered(work.session, frame, work.out) for frame in items)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +57,7 @@ def answered(session: Path, tmp_path_factory: pytest.TempPathFactory, processes:
 @pytest.mark.parametrize(
     ("n_bytes", "refused"),
     [
-        (3_000, "runs/000007_000000.vfrun"),
+        (3_300, "runs/000007_000000.vfrun"),
         (12_000, "results.csv"),
     ],
 )

@@ -10,19 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.made_runs import answer, finished
+from tests.made_runs import answer, because, finished
+from verefine_viz.batch.answer_orders import Order
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.batch.index import (
-    BatchIndex,
-    Order,
-    RunSelection,
-    find_runs,
-    is_batch_folder,
-    read_batch,
-)
+from verefine_viz.batch.index import BatchIndex, RunSelection, find_runs, is_batch_folder, read_batch
 from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.core.errors import InputError
-from verefine_viz.run.record import Answer, failed_run
+from verefine_viz.run.record import Answer
+from verefine_viz.run.run_header import failed_run
 from verefine_viz.run.session_file import resolve
 
 SESSION = resolve({"title": "t"})
@@ -34,7 +29,7 @@ def row(im_id: int, **values: Any) -> Answer:
 
 ROWS = (
     row(1, add_s_mm=5.0, score=0.9, name="mug"),
-    row(2, add_s_mm=30.0, score=0.8, cause="pool"),
+    row(2, add_s_mm=30.0, score=0.8, findings=because("pool")),
     row(3, score=0.3),
     row(4, status="no_answer"),
     row(6, add_s_mm=30.0, diameter_mm=1000.0, score=0.1),
@@ -44,7 +39,7 @@ ROWS = (
 @pytest.fixture
 def index(tmp_path: Path) -> BatchIndex:
     folder = RunFolder(tmp_path, SESSION)
-    for record in (*(finished(row.frame, [row]) for row in ROWS), failed_run(SESSION, "1/5", "no depth")):
+    for record in (*(finished(row.frame, [row]) for row in ROWS), failed_run(SESSION, {}, "1/5", "no depth")):
         folder.runs.save(SESSION, record)
     folder.write_json("run.json", {"status": "finished"})
     folder.close()
@@ -164,7 +159,7 @@ def test_a_folder_of_run_files_is_read_as_a_batch(tmp_path: Path) -> None:
     batch = tmp_path / "batch"
     folder = RunFolder(batch, SESSION)
     for row in ROWS:
-        folder.runs.save(SESSION, failed_run(SESSION, row.frame, "no depth"))
+        folder.runs.save(SESSION, failed_run(SESSION, {}, row.frame, "no depth"))
     folder.write_json("run.json", {"status": "finished"})
     folder.close()
     loose = tmp_path / "loose"
@@ -180,14 +175,14 @@ def test_a_folder_of_run_files_is_read_as_a_batch(tmp_path: Path) -> None:
     assert "noise.vfrun is no run file" in note
     (loose / "noise.vfrun").unlink()
     other = resolve({"scene": {"demo": "tower"}})
-    Runs(loose).save(other, failed_run(other, "0/1", "no depth"))
+    Runs(loose).save(other, failed_run(other, {}, "0/1", "no depth"))
     with pytest.raises(InputError, match="holds runs on different data"):
         read_batch(loose)
 
 
 def test_a_batch_that_is_half_done_says_so_also_by_its_folder_of_runs(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path, SESSION)
-    folder.runs.save(SESSION, failed_run(SESSION, "1/1", "no depth"))
+    folder.runs.save(SESSION, failed_run(SESSION, {}, "1/1", "no depth"))
     folder.write_json("run.json", {"status": "running", "totals": {"frames": 3}})
     folder.close()
     (found,) = find_runs(tmp_path / "runs").runs

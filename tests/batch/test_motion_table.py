@@ -29,7 +29,8 @@ from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.pose_motion import NO_SYMMETRY
 from verefine_viz.recording.entities import SEQUENCE_FILE
-from verefine_viz.run.record import RunRecord, failed_run
+from verefine_viz.run.record import RunRecord
+from verefine_viz.run.run_header import failed_run
 
 HALF_TURN = transform(axis_angle(np.array([0.0, 0, 1]), np.pi), np.zeros(3))
 
@@ -92,7 +93,7 @@ def test_several_of_a_model_are_followed_by_their_numbers() -> None:
 
 
 def test_each_scene_begins_again_and_a_frame_that_failed_has_no_pose() -> None:
-    first = [result(1, {(5, 0): at(0)}), failed_run(Session(), "0/2", "no depth"), result(3, {(5, 0): at(4)})]
+    first = [result(1, {(5, 0): at(0)}), failed_run(Session(), {}, "0/2", "no depth"), result(3, {(5, 0): at(4)})]
     rows = rows_of([*first, result(1, {(5, 0): at(500)}, scene_id=2)])
     assert [(r.frame, r.kind, r.moved_mm) for r in rows] == [
         ("0/1", "moved", 0), ("0/2", "no pose", 0), ("0/3", "moved", pytest.approx(4)), ("2/1", "moved", 0),

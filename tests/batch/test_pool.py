@@ -11,6 +11,7 @@ import pytest
 
 from tests.batch import fragile
 from verefine_viz.batch import worker_pool as pool_module
+from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunEnd, RunRecord
@@ -25,7 +26,7 @@ def _fragile_workers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def solved(frames: list[str], n_workers: int, out: Path) -> dict[str, str]:
     """Each frame's message; empty where it was solved."""
-    pool = Pool(Session(), out, n_workers)
+    pool = Pool(FrameWork(Session(), out), n_workers)
     try:
         results = list(pool.solve(frames))
     finally:
@@ -59,7 +60,7 @@ def test_frames_are_asked_for_only_when_a_worker_is_free(tmp_path: Path) -> None
             asked.append(f"0/{100 + i}")
             yield asked[-1]
 
-    pool = Pool(Session(), tmp_path, 2)
+    pool = Pool(FrameWork(Session(), tmp_path), 2)
     results = pool.solve(frames())
     for n_done in range(1, 6):
         next(results)
@@ -68,7 +69,7 @@ def test_frames_are_asked_for_only_when_a_worker_is_free(tmp_path: Path) -> None
 
 
 def test_a_worker_that_holds_too_much_is_replaced(tmp_path: Path) -> None:
-    pool = Pool(Session(), tmp_path, 1, limit_bytes=1)
+    pool = Pool(FrameWork(Session(), tmp_path), 1, limit_bytes=1)
     assert pool.warning == ""
     pids = [end.seconds for end in ends(pool.solve(["0/1", "0/2"])).values()]
     pool.close()
@@ -78,7 +79,7 @@ def test_a_worker_that_holds_too_much_is_replaced(tmp_path: Path) -> None:
 
 
 def test_memory_is_shared_by_the_workers_that_frames_need(tmp_path: Path) -> None:
-    pool = Pool(Session(), tmp_path, 100_000)
+    pool = Pool(FrameWork(Session(), tmp_path), 100_000)
     pids = [end.seconds for k in (1, 2) for end in ends(pool.solve([f"0/{k}"])).values()]
     pool.close()
     assert len(set(pids)) == 1
@@ -87,7 +88,7 @@ def test_memory_is_shared_by_the_workers_that_frames_need(tmp_path: Path) -> Non
 
 def test_why_it_takes_long_is_said_once_and_every_frame_is_answered(tmp_path: Path) -> None:
     frames = [*fragile.TAKES_LONG, "0/1", "0/2"]
-    pool = Pool(Session(), tmp_path, 2)
+    pool = Pool(FrameWork(Session(), tmp_path), 2)
     results = list(pool.solve(frames))
     pool.close()
     assert [r for r in results if isinstance(r, str)] == [fragile.WHY]
@@ -97,7 +98,7 @@ def test_why_it_takes_long_is_said_once_and_every_frame_is_answered(tmp_path: Pa
 def test_no_more_workers_than_frames_and_none_left_behind(tmp_path: Path) -> None:
     me, on_ctrl_c = psutil.Process(), signal.getsignal(signal.SIGINT)
     before = {p.pid for p in me.children() if "spawn_main" in " ".join(p.cmdline())}
-    pool = Pool(Session(), tmp_path, 8)
+    pool = Pool(FrameWork(Session(), tmp_path), 8)
     results = pool.solve(["0/1", "0/2"])
     next(results)
     workers = [p for p in me.children() if "spawn_main" in " ".join(p.cmdline()) and p.pid not in before]

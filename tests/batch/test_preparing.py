@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.run.kernel_compilation import COMPILING
 from verefine_viz.run.record import RunRecord
@@ -25,7 +26,7 @@ def test_convex_parts_are_named_by_name_when_they_are_made(tmp_path: Path, monke
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     told: list[list[str]] = []
     for start in "ab":
-        pool = Pool(SESSION, tmp_path / start, 1)
+        pool = Pool(FrameWork(SESSION, tmp_path / start), 1)
         try:
             heard = list(pool.solve(["0/0"]))
         finally:

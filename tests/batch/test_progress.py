@@ -21,7 +21,8 @@ from verefine_viz.batch.totals import BatchCounts, Totals
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
 from verefine_viz.run.kernel_compilation import COMPILING
-from verefine_viz.run.record import RunEnd, RunRecord, failed_run
+from verefine_viz.run.record import RunEnd, RunRecord
+from verefine_viz.run.run_header import failed_run
 
 
 def solved(im_id: int, add_s_mm: float | None, status: str = "ok") -> RunRecord:
@@ -30,7 +31,7 @@ def solved(im_id: int, add_s_mm: float | None, status: str = "ok") -> RunRecord:
 
 
 def failed(frame: str, objects: Sequence[LeftOut] = ()) -> RunRecord:
-    return failed_run(Session(), frame, "no depth", objects)
+    return failed_run(Session(), {}, frame, "no depth", objects)
 
 
 def end_of(record: RunRecord) -> RunEnd:
@@ -140,6 +141,11 @@ def test_what_is_done_once_is_a_line_of_its_own_and_not_in_the_time_left(
     text = io.StringIO()
     clock, shown = Clock(monkeypatch), BatchProgress(Console(file=text, width=200))
     with shown.run("run") as report:
+        report(BatchStatus(BatchCounts(), 10))
+        shown.pace.begin("0/0", clock.now)
+        shown.pace.slow_down("0/0", why)
+        assert shown.describe() == f"run, 0/10 frames, {doing}"
+        shown.pace.end("0/0", clock.now)
         clock.solve(shown.pace, 5, 2.0)
         shown.pace.begin("0/1", clock.now)
         shown.pace.slow_down("0/1", why)

@@ -16,7 +16,7 @@ from verefine_viz.batch.run_batch import Backend, BatchStatus, run_batch
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verify import verify
 from verefine_viz.run.data_folder import open_session
-from verefine_viz.run.record import session_of
+from verefine_viz.run.run_header import session_of
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 

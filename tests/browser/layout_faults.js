@@ -22,7 +22,7 @@
   const choices = all("select").filter((e) => {
     const css = getComputedStyle(e);
     context.font = css.font;
-    const room = e.clientWidth - parseFloat(css.paddingLeft) - parseFloat(css.paddingRight) - 14; // and its arrow
+    const room = e.clientWidth - parseFloat(css.paddingLeft) - parseFloat(css.paddingRight); // its arrow is there
     return e.selectedOptions[0] && context.measureText(e.selectedOptions[0].text).width > room;
   });
 

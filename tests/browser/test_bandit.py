@@ -12,7 +12,7 @@ def test_numbers_of_the_bandit_are_those_it_chose_by(show):
     screen.tab("bandit")
     run = screen.app.debugger.space.work.first.run
     for k in (1, 2, run.length // 2, run.length - 1):
-        screen.state("(await import('/web/moment.js')).seek(arg)", k)
+        screen.state("(await import('/web/cursor.js')).seek(arg)", k)
         screen.until(f"moment.k === arg && {SHOWS}", k)
         choice = run.iterations[k - 1].choice
         rows = screen.page.locator(".bandit-arms tbody tr").all()
@@ -21,7 +21,10 @@ def test_numbers_of_the_bandit_are_those_it_chose_by(show):
             cells = row.locator("td").all_inner_texts()
             assert cells[0].strip() == str(j + 1)
             assert float(cells[2]) == pytest.approx(choice.ucb[j], abs=6e-4)
-            assert float(cells[3]) == choice.plays[j]
+            # n of the bandit counts the initial pose as well.
+            calls = cells[3].removesuffix(" + 1")
+            assert int(calls) == choice.plays[j] - 1
+            assert (calls != cells[3]) == (j == run.iterations[k - 1].arm)
             title = row.get_attribute("title")
             assert f"mean {choice.mean[j]:.3f} + bonus {choice.exploration[j]:.3f}" in title
             widths = row.locator(".ucb i").evaluate_all("all => all.map(i => parseFloat(i.style.width))")

@@ -39,7 +39,7 @@ def test_fork_with_a_changed_setting_keeps_what_was_before_and_runs(show):
 def test_run_b_on_an_unrun_a_runs_both_and_shows_where_they_part(show):
     screen = show()
     screen.tab("compare")
-    screen.page.locator(".new-b select").first.select_option("method.exploration")
+    screen.page.locator(".new-b input.name").fill("method: exploration")
     screen.page.locator(".new-b input.setting").fill("2")
     screen.click("Run B")
     screen.until("state.compare && [state.compare.a, state.compare.b].every(i => state.runs.get(i)?.over)")
@@ -83,10 +83,10 @@ def test_nothing_that_is_begun_stops_another_run(show):
 def test_b_can_have_the_papers_choices(show):
     screen = show()
     screen.tab("compare")
-    selects = screen.page.locator(".new-b select")
-    selects.first.select_option("preset")
-    assert selects.nth(1).locator("option").all_inner_texts() == list(PRESETS)
-    selects.nth(1).select_option("paper")
+    screen.page.locator(".new-b input.name").fill("preset")
+    select = screen.page.locator(".new-b select")
+    assert select.locator("option").all_inner_texts() == list(PRESETS)
+    select.select_option("paper")
     screen.click("Run B")
     screen.until("state.compare && [state.compare.a, state.compare.b].every(i => state.runs.get(i)?.over)")
     _, b = screen.app.debugger.space.branches.values()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from verefine_viz.page.words import moved_by_mm
+from verefine_viz.page.protocol import PathMoment
+from verefine_viz.run.iteration_words import moved_by_mm
 
 
 def stepped(show):
@@ -53,10 +54,10 @@ def test_moments_of_the_path_are_scrubbed_and_played(show):
         screen.until("state.view.moment === arg", step)
         screen.text(f"step {step} of {n - 1}")
         for _ in range(100):
-            if screen.app.debugger.look.moment == step:
+            if screen.app.debugger.look.path == PathMoment(1, step):  # What the 3D view draws.
                 break
             screen.page.wait_for_timeout(50)
-        assert screen.app.debugger.look.moment == step  # What the 3D view draws.
+        assert screen.app.debugger.look.path == PathMoment(1, step)
         contacts = path.contacts[step - 1]
         table = tab.locator("table", has_text=f"touches at step {step}")
         cells = [row.locator("td").all_inner_texts() for row in table.locator("tbody tr").all()]

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.browser.conftest import SESSIONS, Pages, Screen
+from tests.made_runs import because
 from tests.report.pages import GONE
 from tests.report.runs import row, write_run
 from tests.report.sections import NO_ANSWER, WRONG
@@ -139,7 +140,12 @@ def test_a_sweep_sorts_filters_and_searches(pages: Pages, tmp_path: Path):
 
 
 def test_two_runs_lead_to_what_changed(pages: Pages, tmp_path: Path):
-    a = [row(1, 0), row(2, 0, add_s_mm=40.0, cause="pool"), row(3, 1, add_s_mm=20.0, cause="score"), row(4, 2)]
+    a = [
+        row(1, 0),
+        row(2, 0, add_s_mm=40.0, findings=because("pool")),
+        row(3, 1, add_s_mm=20.0, findings=because("score")),
+        row(4, 2),
+    ]
     b = [row(1, 0), row(2, 0), row(3, 1, add_s_mm=60.0), row(4, 2, **NO_ANSWER)]
     path = made(write_run(tmp_path / "a", a, GONE), write_run(tmp_path / "b", b, GONE))
     screen = pages.open_file(path)
@@ -158,7 +164,7 @@ def test_two_runs_lead_to_what_changed(pages: Pages, tmp_path: Path):
 
 def test_names_of_data_are_text(pages: Pages, tmp_path: Path):
     evil = "</script><img src=x onerror=\"document.title='broken'\">"
-    rows = [row(1, name=evil, cause="odd", evidence=evil, message=evil, **WRONG), row(2, name=evil)]
+    rows = [row(1, name=evil, findings=because("odd", evil), message=evil, **WRONG), row(2, name=evil)]
     screen = pages.open_file(made(write_run(tmp_path / "a", rows, GONE | {"title": evil})))
     screen.text(evil).wait_for()
     assert screen.page.locator("img[src=x]").count() == 0

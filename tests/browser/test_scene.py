@@ -53,7 +53,7 @@ def test_passes_are_charted_and_maps_show_the_whole_scene(show):
     screen.until("state.runs.get(state.view.branch)?.over")
     run = screen.app.debugger.space.work.first.run
     closing = [i for i in run.iterations if i.scene is not None]
-    screen.state("(await import('/web/moment.js')).seek(arg)", closing[-1].index)
+    screen.state("(await import('/web/cursor.js')).seek(arg)", closing[-1].index)
     screen.until("moment.k === arg", closing[-1].index)
     screen.tab("bandit")
     screen.text("Passes over").scroll_into_view_if_needed()

@@ -64,10 +64,12 @@ def test_landscape_is_the_score_and_a_click_edits_the_pose_there(app, pages):
     screen.page.locator(".tab.landscape .map rect").first.wait_for(timeout=120_000)
     branch, obj = app.debugger.space.work.first, screen.state("moment.obj")
     target = branch.run.problem.target(obj)
-    around = branch.final_evaluator.known_landscape(target, np.array(screen.state("moment.best.T")).reshape(4, 4))
-    assert around is not None
+    T_best = np.array(screen.state("moment.best.T")).reshape(4, 4)
+    assert branch.final_evaluator.known_allowed(target, T_best, branch.run.iterations) is not None
     assert screen.page.locator(".tab.landscape .curves figure").count() == 6
-    box = screen.page.locator(".tab.landscape .map svg").bounding_box()
+    svg = screen.page.locator(".tab.landscape .map svg")
+    svg.scroll_into_view_if_needed()
+    box = svg.bounding_box()
     screen.page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.3 * box["height"])
     shown = float(screen.page.locator(".tab.landscape .map .read b").inner_text())
     screen.shot("landscape")

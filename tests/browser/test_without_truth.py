@@ -150,13 +150,13 @@ def walk_gallery(screen: Screen, data: Data, where: str) -> None:
     """Look at the cards in every order, and at the plot under the pointer; open one."""
     screen.until("state.answers !== null && document.querySelectorAll('.card').length > 0")
     outcome = screen.page.locator(".gallery-bar h2").inner_text()
-    assert (" right; 2 without ground truth" in outcome, " right" in outcome) == (bool(data.truths),) * 2
+    assert ("; 2 without ground truth" in outcome, " right" in outcome) == (bool(data.truths),) * 2
     if screen.state("Object.keys(state.gallery.only).length"):
         screen.click("All")
     orders = screen.state("state.answers.orders.map(o => o.id)")
     assert ("misleading" in orders) == bool(data.truths)
     for order in orders:
-        screen.state("(await import('/web/gallery.js')).choose({ order: arg })", order)
+        screen.state("(await import('/web/answers.js')).choose({ order: arg })", order)
         look(screen, (where, order))
     plot = screen.page.locator(".facets .plot")
     title = "Score over error" if data.truths else "Score over uncertainty"

@@ -11,9 +11,10 @@ import pytest
 
 from tests.calibration.sizes import real, scene
 from tests.made_up_frames import Thing, frame_of, model, standing
-from verefine_viz.calibration.consistency import TO_OPENGL, data_doubts, doubts
+from verefine_viz.calibration.consistency import data_doubts
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
+from verefine_viz.core.data_remedies import TO_OPENGL
 from verefine_viz.core.geometry import axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Instance, Problem
@@ -96,7 +97,7 @@ FAULTS: dict[str, tuple[Callable[[Problem], Problem], str]] = {
 def test_a_mistake_is_named_by_what_would_fit(name: str):
     spoil, words = FAULTS[name]
     of_all = frames()
-    named = sum(any(words in doubt for doubt in doubts(spoil(problem))) for problem in of_all)
+    named = sum(any(words in doubt.text for doubt in data_doubts(spoil(problem))) for problem in of_all)
     assert named == len(of_all)
 
 
@@ -104,19 +105,19 @@ def test_a_mistake_is_named_by_what_would_fit(name: str):
 def test_right_frames_are_not_doubted_whatever_their_estimates(deg_mm: tuple[float, float]):
     rng = np.random.default_rng(0)
     for problem in frames():
-        assert doubts(problem) == ()
+        assert data_doubts(problem) == ()
         for _ in range(10):
-            assert doubts(estimated(problem, off(rng, *deg_mm))) == ()
+            assert data_doubts(estimated(problem, off(rng, *deg_mm))) == ()
 
 
 def test_a_unit_is_named_through_the_error_of_estimates():
     rng = np.random.default_rng(1)
     for problem in frames():
         disturb = off(rng, 15, 15)
-        (doubt,) = doubts(estimated(problem, lambda T, d=disturb: moved(10)(d(T))))
-        assert "the pose" in doubt
-        assert "of est" in doubt
-        assert "translations that are 10 times smaller would fit" in doubt
+        (doubt,) = data_doubts(estimated(problem, lambda T, d=disturb: moved(10)(d(T))))
+        assert "the pose" in doubt.text
+        assert "of est" in doubt.text
+        assert "translations that are 10 times smaller would fit" in doubt.text
 
 
 @pytest.mark.parametrize("change", [moved(10), lambda T: transform(T[:3, :3], np.zeros(3))])
@@ -125,9 +126,9 @@ def test_one_object_that_is_off_is_named_alone(change: Callable[[Float], Float])
     first, *others = sorted(problem.instances, key=lambda i: -int(np.count_nonzero(i.mask)))
     assert first.T_cam_obj_gt is not None
     spoiled = replace(problem, instances=(replace(first, T_cam_obj_gt=change(first.T_cam_obj_gt)), *others))
-    (doubt,) = doubts(spoiled)
-    assert problem.models[first.obj_id].name in doubt
-    assert not any(problem.models[other.obj_id].name in doubt for other in others)
+    (doubt,) = data_doubts(spoiled)
+    assert problem.models[first.obj_id].name in doubt.text
+    assert not any(problem.models[other.obj_id].name in doubt.text for other in others)
 
 
 def test_masks_in_another_order_are_named():
@@ -135,9 +136,9 @@ def test_masks_in_another_order_are_named():
     a, b = sorted(problem.instances, key=lambda i: -int(np.count_nonzero(i.mask)))[:2]
     swapped = {a.instance_id: b.mask, b.instance_id: a.mask}
     spoiled = tuple(replace(i, mask=swapped.get(i.instance_id, i.mask)) for i in problem.instances)
-    said = doubts(replace(problem, instances=spoiled))
+    said = data_doubts(replace(problem, instances=spoiled))
     assert len(said) == 2
-    assert all("masks and poses look as if they were in another order" in doubt for doubt in said)
+    assert all("masks and poses look as if they were in another order" in doubt.text for doubt in said)
 
 
 def wide_frame() -> Problem:
@@ -155,25 +156,36 @@ def wide_frame() -> Problem:
 def test_distances_in_place_of_depth_are_named_where_the_lens_is_wide():
     problem = wide_frame()
     camera = problem.observation.camera
-    assert doubts(problem) == ()
+    assert data_doubts(problem) == ()
     v, u = np.indices(camera.shape)
     rays = np.sqrt(1 + ((u - camera.cx) / camera.fx) ** 2 + ((v - camera.cy) / camera.fy) ** 2)
-    (doubt,) = doubts(with_depth(problem, rays))
-    assert "the depth images seem to hold distances" in doubt
+    (doubt,) = data_doubts(with_depth(problem, rays))
+    assert "the depth images seem to hold distances" in doubt.text
 
 
 def test_what_no_mistake_explains_is_said_to_be_unexplained_and_a_camera_goes_before():
     problem = scene("clutter", "0/0")
     rng = np.random.default_rng(3)
-    (doubt,) = doubts(with_truth(problem, lambda T: T @ transform(np.eye(3), 0.4 * random_unit_vector(rng))))
-    assert "no other unit or convention would fit" in doubt
+    (doubt,) = data_doubts(with_truth(problem, lambda T: T @ transform(np.eye(3), 0.4 * random_unit_vector(rng))))
+    assert "no other unit or convention would fit" in doubt.text
     camera = problem.observation.camera
     half = Camera(np.diag([0.5, 0.5, 1.0]) @ camera.K, camera.width, camera.height)
     spoiled = replace(problem, observation=replace(problem.observation, camera=half))
-    assert any("images of another size" in doubt for doubt in data_doubts(spoiled))
+    assert any("images of another size" in doubt.text for doubt in data_doubts(spoiled))
 
 
 def test_a_frame_without_any_pose_is_not_doubted():
     problem = scene("clutter", "0/0")
     blind = tuple(replace(i, T_cam_obj_gt=None, hypotheses=()) for i in problem.instances)
     assert data_doubts(replace(problem, instances=blind)) == ()
+
+
+def test_a_data_set_in_metres_throughout_is_named_as_that():
+    for frame in FRAMES:
+        problem = scene(*frame)
+        small = with_models(with_truth(problem, moved(0.001)), 0.001)
+        assert "models and translations that are both 1000 times as large would fit" in data_doubts(small)[0].text, (
+            frame
+        )
+        (doubt,) = data_doubts(with_depth(small, 0.001))
+        assert "the whole data set looks as if it was in metres, expected millimetres" in doubt.text, frame

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tests.calibration.sizes import scene
-from verefine_viz.calibration.camera_check import depth_notes
+from verefine_viz.calibration.camera_check import estimate_doubts
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Hypothesis, Instance, Problem
 
@@ -39,20 +39,20 @@ def test_depth_that_is_off_by_a_factor_is_reported_before_the_run() -> None:
         (1.1, "larger"),
         (2.0, "(about 0.50 times as much would fit)"),
     ):
-        (note,) = depth_notes(estimated(5.0, depth))
-        assert said in note, depth
+        (note,) = estimate_doubts(estimated(5.0, depth))
+        assert said in note.text, depth
 
 
-def test_right_depth_two_objects_and_known_ground_truth_leave_no_doubt() -> None:
+def test_right_depth_poor_poses_and_known_ground_truth_leave_no_doubt() -> None:
     for off_mm in (0.0, 5.0, 30.0):
-        assert not depth_notes(estimated(off_mm)), off_mm
+        assert not estimate_doubts(estimated(off_mm)), off_mm
     ids = [i.instance_id for i in CLUTTER.instances[:2]]
-    assert not depth_notes(estimated(5.0, 0.5).only(ids))
-    assert not depth_notes(replace(estimated(3.0, 0.5), instances=CLUTTER.instances))
+    assert not estimate_doubts(estimated(60.0).only(ids))
+    assert not estimate_doubts(replace(estimated(3.0, 0.5), instances=CLUTTER.instances))
 
 
 def test_objects_without_initial_pose_are_left_out() -> None:
     problem = estimated(3.0, 0.5)
     bare = tuple(replace(i, hypotheses=()) for i in problem.instances)
-    assert depth_notes(replace(problem, instances=(bare[0], *problem.instances[1:])))
-    assert not depth_notes(replace(problem, instances=bare))
+    assert estimate_doubts(replace(problem, instances=(bare[0], *problem.instances[1:])))
+    assert not estimate_doubts(replace(problem, instances=bare))

@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 import rerun as rr
 
+from tests.batch.frames import PoolHere
 from tests.cli.bad_input_sessions import BadInput
+from verefine_viz.studies import run_study
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -231,7 +233,8 @@ def test_the_real_program_says_one_line_and_exits_2(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("processes")
-def test_what_cannot_be_grasped_is_named_in_one_line(bad_input: BadInput) -> None:
+def test_what_cannot_be_grasped_is_named_in_one_line(bad_input: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_study, "Pool", PoolHere)
     layout = ("--scene.source", "layout", "--scene.dataset", bad_input.made.root, "--scene.layout")
     cases = (
         ((*layout, bad_input.file("notes.xml", "banana")), "it cannot be read as XML"),

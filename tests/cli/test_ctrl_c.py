@@ -6,6 +6,7 @@ Those of a batch are in tests/batch/test_batch.py.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -54,10 +55,18 @@ def test_a_command_in_the_middle_of_its_work_says_one_line_and_leaves_nothing_ru
             output, errors = child.communicate(timeout=200)
         finally:
             child.kill()
-    errors = errors.removeprefix(f"{COMPILING}\n")
-    assert (child.returncode, errors) == (128 + number, "stopped\n")
-    # A study whose first answers were there by then shows what they say.
-    assert output == "" or (command == "study" and "claims: robustness.md" in output)
+    *first, last = errors.removeprefix(f"{COMPILING}\n").splitlines()
+    assert (child.returncode, last) == (128 + number, "stopped")
+    # A study whose first answers were there by then says how many, and shows what they say.
+    if first:
+        (line,) = first
+        assert command == "study"
+        assert re.fullmatch(
+            r"study robustness: stopped after \d+ of 100 runs; writing them, the same command goes on", line
+        )
+        assert "claims: robustness.md" in output
+    else:
+        assert output == ""
     _, alive = psutil.wait_procs(workers, timeout=100)
     assert alive == []
 

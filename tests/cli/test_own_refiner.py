@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 from tests.made_runs import answer, finished
+from tests.received import received
 from verefine_viz import cli
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.summary import run_end
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.refiner_steps import RefinerStep, TrainedRange
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.page import app as page_app
 from verefine_viz.page.protocol import CropsWanted, RunVerb, Step
@@ -226,8 +227,7 @@ def test_the_page_asks_it_only_where_its_crops_are_wanted(monkeypatch: pytest.Mo
     monkeypatch.setitem(REFINERS, "own", lambda session: own)
     debugger = Debugger(Workspace(resolve(SETTINGS), None, Toolbox)).carry_out([Step()])
     assert own.n_asked == 0
-    want = CropsWanted(1, debugger.space.problem.instances[0].instance_id)
-    answer = crops(debugger.space, want, debugger.blobs)
+    answer = received(crops(debugger.space, CropsWanted(1), debugger.blobs))
     assert own.n_asked == 1
     assert len(answer["steps"]) == 1
     assert "out of range" in str(answer)
@@ -258,7 +258,7 @@ def test_the_page_names_its_range_without_a_re_run(monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(REFINERS, "own", lambda session: Jump())
     start = {"max_per_object": 1, "rotation_deg": 120, "translation_mm": 20}
     debugger = Debugger(Workspace(resolve(SETTINGS | {"hypotheses": start}), None, Toolbox)).carry_out([RunVerb()])
-    (shown,) = verdict_message(debugger.space.work.first)["objects"]
+    (shown,) = received(verdict_message(debugger.space.work.first))["objects"]
     assert shown["words"].endswith("refiner out of its training range: starts 120° off")
     (found,) = [one for one in shown["findings"] if one["cause"] == Cause.OUT_OF_RANGE]
     assert "No hypothesis of the mug is within the training range of own, 20° and " in found["text"]

@@ -12,7 +12,8 @@ from verefine_viz import cli
 from verefine_viz.batch import solve_frame
 from verefine_viz.recording import verify
 from verefine_viz.run.engine import Run
-from verefine_viz.run.record import RunRecord, session_of
+from verefine_viz.run.record import RunRecord
+from verefine_viz.run.run_header import session_of
 
 EXPECTED = {
     "same.rrd": "no difference in 30 iterations",

@@ -11,14 +11,18 @@ from typing import Any
 import huggingface_hub
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from tests.batch.frames import make_frames
-from tests.scenes.bop_folder import Made
+from tests.scenes.bop_folder import Made, detections
+from tests.scenes.test_trace import K, picture, pose, write_box
 from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.commands.dataset_parts import Parts, runnable_parts
 from verefine_viz.commands.datasets import CATALOGUE, Datasets
 from verefine_viz.core.errors import SettingsError, UnavailableError
+from verefine_viz.library.frame_to_solve import Frame
+from verefine_viz.scenes.bop import BopDataset
 
 
 @pytest.fixture
@@ -215,6 +219,41 @@ def test_a_fault_is_a_finding_of_its_part_and_of_no_other(
 def test_small_masks_of_hidden_objects_and_those_that_suffice_are_no_fault(made: Made, spoil: Any) -> None:
     spoil(made)
     assert advice(made) == {}
+
+
+def test_masks_of_a_detections_file_are_enough_to_ask_whether_the_data_fit(made: Made) -> None:
+    plausible = {f.name: f for f in check_split(made.root, "test").findings}["plausibility"]
+    entries = [
+        {**entry, "image_id": image}
+        for image in BopDataset(made.root, "test").image_ids(7)
+        for entry in detections(made)
+    ]
+    (made.root / "detections.json").write_text(json.dumps(entries))
+    for kind in ("mask", "mask_visib"):
+        shutil.rmtree(made.scene / kind)
+    assert {f.name: f for f in check_split(made.root, "test").findings}["plausibility"] == plausible
+    for path in (made.root / "models").glob("*.ply"):
+        mesh = trimesh.load(path)
+        mesh.apply_scale(10)
+        mesh.export(path)
+    made.edit("../../models/models_info.json", lambda c: c.clear())
+    assert "models" in advice(made)["plausibility"]
+
+
+def test_frames_that_were_kept_without_ground_truth_are_asked_whether_they_fit(tmp_path: Path) -> None:
+    depth, mask = picture()
+    for factor, is_plausible in ((1.0, True), (10.0, False)):
+        mesh = write_box(tmp_path / "box.obj", 100.0)
+        frame = Frame(K, depth).add("box", mesh, mask, pose(), unit_m=0.001)
+        folder = tmp_path / f"kept_{factor:g}"
+        frame.keep(folder)
+        for path in (folder / "models").glob("*.ply"):
+            model = trimesh.load(path)
+            model.apply_scale(factor)
+            model.export(path)
+        (plausible,) = [f for f in check_split(folder, "test").findings if f.name == "plausibility"]
+        assert plausible.result.startswith("initial poses")
+        assert bool(plausible.advice) != is_plausible, plausible
 
 
 def test_what_is_damaged_is_not_called_missing(made: Made) -> None:

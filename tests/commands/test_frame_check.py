@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
+import verefine_viz as vv
 from tests.batch.frames import make_frames
 from tests.calibration.sizes import scene
 from tests.scenes.bop_folder import Made
@@ -20,6 +22,7 @@ from tests.scenes.write_bop import write_bop
 from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.commands.dataset_parts import CheckRow
 from verefine_viz.commands.datasets import Datasets
+from verefine_viz.run.session_file import SCENE_ID
 
 pytestmark = pytest.mark.usefixtures("long_run")
 
@@ -54,14 +57,14 @@ def edit(file: Path, change: Callable[[Any], None]) -> None:
     file.write_text(json.dumps(content))
 
 
-def edit_camera(root: Path, change: Callable[[str, dict[str, Any]], None]) -> None:
+def edit_camera(root: Path, change: Callable[[str, dict[str, Any]], None], scene_folder: str = "000000") -> None:
     """Changes the entry of each image."""
 
     def of_all(content: dict[str, Any]) -> None:
         for image, entry in content.items():
             change(image, entry)
 
-    edit(root / "test" / "000000" / "scene_camera.json", of_all)
+    edit(root / "test" / scene_folder / "scene_camera.json", of_all)
 
 
 def times(key: str, factor: float, *images: str) -> Callable[[str, dict[str, Any]], None]:
@@ -161,3 +164,33 @@ def test_real_frames_are_silent_but_for_the_one_that_is_wrong(shared_data: Path,
     said = plausibility(tmp_path / YCBV).advice
     assert said.startswith("in 49/2365: what is seen of ")
     assert "0/1" not in said
+
+
+def kept(folder: Path) -> Path:
+    """A folder of kept frames without ground truth, with poses of an estimator."""
+    problem = scene("clutter", "0/0")
+    frame = vv.Frame(problem.observation.camera.K, problem.observation.depth_m)
+    for i in problem.instances:
+        model = problem.models[i.obj_id]
+        mesh = folder.parent / f"{i.instance_id}.ply"
+        trimesh.Trimesh(model.vertices, model.faces, process=False).export(mesh)
+        assert i.T_cam_obj_gt is not None
+        frame.add(f"thing {i.instance_id}", mesh, i.mask, {"net": i.T_cam_obj_gt})
+    frame.keep(folder)
+    return folder
+
+
+def test_masks_of_detections_are_checked_by_the_poses_of_results_files(tmp_path: Path) -> None:
+    assert plausibility(kept(tmp_path / "right")).result == (
+        "initial poses fit images, masks and models in 1 of 1 frames checked"
+    )
+    wrong = kept(tmp_path / "wrong")
+    edit_camera(wrong, times("depth_scale", 4.0), f"{SCENE_ID:06d}")
+    found = plausibility(wrong)
+    assert found.result == "initial poses do not fit in 1 of 1 frames checked"
+    assert "RealSense L515" in found.advice
+    large = kept(tmp_path / "large")
+    for model in (large / "models").glob("*.ply"):
+        mesh = trimesh.load_mesh(model, process=False)
+        trimesh.Trimesh(10 * mesh.vertices, mesh.faces, process=False).export(model)
+    assert "models that are 10 times smaller would fit" in plausibility(large).advice

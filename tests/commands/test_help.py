@@ -27,7 +27,7 @@ def test_help_is_about_the_command_and_names_the_sections(name: str, capsys: pyt
     text = shown(capsys, name, "--help")
     assert len(text.splitlines()) < 70
     for field in dataclasses.fields(cli.COMMANDS[name]):
-        if field.name not in ("settings", "sessions", "session", "other", "name"):
+        if field.name not in ("settings", "sessions", "session", "folder", "other", "name"):
             assert f"--{field.name.replace('_', '-')}" in text
     assert "--score.tau-m FLOAT" not in text
     for section, value in msgspec.to_builtins(Session()).items():
@@ -50,4 +50,4 @@ def test_the_settings_of_a_section_can_be_asked_for_alone(capsys: pytest.Capture
 def test_an_unknown_section_names_those_that_exist(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["view", "--help-settings", "scores"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "unknown section of settings 'scores'; did you mean 'score'? available: scene, hypotheses, " in line
+    assert "unknown section of settings 'scores'; did you mean 'score'? available: scene, data, hypotheses, " in line

@@ -26,6 +26,7 @@ from verefine_viz.recording.sequence_recording import write_sequence
 from verefine_viz.run.record import FORMAT, RunEnd, RunHeader
 from verefine_viz.run.run_file import RunFile, read_run_file
 from verefine_viz.run.session_file import CAPTURE_HEAD, save_session
+from verefine_viz.scenes.labels import write_labels
 from verefine_viz.studies.study_command import run_one
 from verefine_viz.trace import Trace
 
@@ -54,6 +55,7 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "run.json": lambda path: write_json(path, {}),
     "table.csv": part_of,
     "session.toml": lambda path: save_session(Session(), path),
+    "labels.json": lambda path: write_labels(path, {"1/1": ()}),
     "depth.npy": lambda path: Trace(path.parent, np.eye(3), np.ones((4, 5))),
     "rgb.npy": lambda path: Trace(path.parent, np.eye(3), np.ones((4, 5)), np.zeros((4, 5, 3), np.uint8)),
     "mask_0.npy": lambda path: Trace(path.parent, np.eye(3), np.ones((4, 5))).object("a", "a.ply", np.ones((4, 5))),
@@ -174,7 +176,6 @@ PLAIN = {
     "physics/decomposition.py": "in a temporary folder",
     "cli.py": "/dev/null",
     "page/export.py": "a folder of the user's, and new names in it",
-    "studies/run_study.py": "the folder that the user names",
     "batch/watch.py": "the folder that the user names",
     "commands/doctor_checks.py": "the user's cache folder",
     "estimators/ppf_model.py": "into memory",

@@ -8,11 +8,12 @@ import pytest
 from tests.failing_scenes import broken_scene, hidden_handle
 from tests.made_up_frames import Thing, broken_by, frame_of, model, moved, near, session_of, standing
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause
 from verefine_viz.core.geometry import inverse
-from verefine_viz.diagnosis.ambiguity import ambiguous, run_poses
 from verefine_viz.diagnosis.case import Case
-from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.diagnose import diagnose, failed_cases
+from verefine_viz.diagnosis.score_causes import ambiguous
+from verefine_viz.evaluation.allowed_search import run_poses
 from verefine_viz.scenes.demo_layout import Viewpoint
 
 pytestmark = pytest.mark.usefixtures("long_run")

@@ -13,11 +13,13 @@ from tests.failing_scenes import GENERATORS, broken_scene, named
 from tests.fakes import OneFrame
 from tests.made_up_frames import Thing as Made
 from tests.made_up_frames import frame_of, model, near, standing
+from tests.received import received
 from verefine_viz.batch.summary import worst_iteration
+from verefine_viz.core.causes import Cause
 from verefine_viz.core.geometry import transform
-from verefine_viz.diagnosis.case import CONTROLS, FIRST_CONTROLS, HELPS, Control, ErrorOf
-from verefine_viz.diagnosis.causes import Cause, Diagnosis
-from verefine_viz.diagnosis.diagnose import diagnose, diagnosed, failed_cases
+from verefine_viz.diagnosis.case import CONTROLS, FIRST_CONTROLS, HELPS, Control
+from verefine_viz.diagnosis.diagnose import Diagnosis, diagnose, diagnosed, failed_cases
+from verefine_viz.evaluation.pose_errors import ErrorOf
 from verefine_viz.page import protocol
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.verbs import Debugger
@@ -166,7 +168,7 @@ def test_a_repair_has_its_control() -> None:
 def test_the_page_blames_no_start_for_ground_truth_that_does_not_fit_its_image() -> None:
     broken = broken_scene(Cause.GROUND_TRUTH, 2)
     cast(Any, broken.toolbox).source = OneFrame(broken.problem)
-    (it,) = verdict_message(ran(broken.toolbox))["objects"]
+    (it,) = received(verdict_message(ran(broken.toolbox)))["objects"]
     assert [finding["cause"] for finding in it["findings"]] == [Cause.GROUND_TRUTH]
 
 

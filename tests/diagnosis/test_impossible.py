@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,15 +11,16 @@ import pytest
 from tests.made_up_frames import Thing, frame_of, model, moved, session_of, standing
 from verefine_viz.batch.summary import run_end
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.impossible import impossible_answers
+from verefine_viz.physics.plausibility import plausibility
 from verefine_viz.physics.proximity import Surfaces
 from verefine_viz.run.toolbox import Toolbox
 
 CARTON, CAN = model("carton"), model("can")
-PHYSICS = PhysicsSettings(collider="hull")
+PHYSICAL = partial(plausibility, settings=PhysicsSettings(collider="hull"), surface_of=Surfaces())
 
 
 def blind(problem: Problem) -> Problem:
@@ -50,9 +52,9 @@ def raised(problem: Problem, T_cam_obj: Float, mm: float) -> Float:
 def test_what_sinks_or_floats_is_impossible_with_its_millimetres(two: tuple[Problem, list[Float]]) -> None:
     problem, (carton, can) = two
     unknown = blind(problem)
-    assert impossible_answers(unknown, [carton, can], PHYSICS, Surfaces()) == {}
-    assert impossible_answers(unknown, [None, None], PHYSICS, Surfaces()) == {}
-    found = impossible_answers(unknown, [raised(problem, carton, -20), raised(problem, can, 30)], PHYSICS, Surfaces())
+    assert impossible_answers(unknown, [carton, can], PHYSICAL, None) == {}
+    assert impossible_answers(unknown, [None, None], PHYSICAL, None) == {}
+    found = impossible_answers(unknown, [raised(problem, carton, -20), raised(problem, can, 30)], PHYSICAL, None)
     sunk, floating = found[0], found[1]
     assert {sunk.cause, floating.cause} == {Cause.IMPOSSIBLE}
     assert sunk.numbers["penetration_mm"] == pytest.approx(20, abs=2)
@@ -61,8 +63,8 @@ def test_what_sinks_or_floats_is_impossible_with_its_millimetres(two: tuple[Prob
     assert floating.detail.startswith(": floats ")
     shifted = can.copy()
     shifted[:3, 3] = carton[:3, 3]
-    assert "into the can." in impossible_answers(unknown, [carton, shifted], PHYSICS, Surfaces())[0].text
-    assert impossible_answers(problem, [raised(problem, carton, -20), can], PHYSICS, Surfaces()) == {}, (
+    assert "into the can." in impossible_answers(unknown, [carton, shifted], PHYSICAL, None)[0].text
+    assert impossible_answers(problem, [raised(problem, carton, -20), can], PHYSICAL, None) == {}, (
         "ground truth says more"
     )
 
@@ -73,9 +75,9 @@ def test_a_plane_in_doubt_accuses_no_pose(two: tuple[Problem, list[Float]]) -> N
     assert support is not None
     doubted = replace(problem.observation, support=replace(support, inlier_share=0.2))
     unknown = blind(replace(problem, observation=doubted))
-    assert impossible_answers(unknown, [raised(problem, carton, -20), can], PHYSICS, Surfaces()) == {}
+    assert impossible_answers(unknown, [raised(problem, carton, -20), can], PHYSICAL, None) == {}
     none = blind(replace(problem, observation=replace(problem.observation, support=None)))
-    assert impossible_answers(none, [raised(problem, carton, -20), can], PHYSICS, Surfaces()) == {}
+    assert impossible_answers(none, [raised(problem, carton, -20), can], PHYSICAL, None) == {}
 
 
 @pytest.mark.parametrize("name", ["rir", "refine"])

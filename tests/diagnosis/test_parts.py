@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from tests.made_up_frames import CAMERA, frame_of, model, moved, near, small_carton, standing
 from tests.made_up_frames import Thing as Made
+from verefine_viz.calibration.depth_shift import registration
 from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
-from verefine_viz.diagnosis.case import ErrorOf
-from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth, registration, supporting_plane
+from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth, supporting_plane
 from verefine_viz.diagnosis.symmetry import nearby_symmetry, undeclared_turn
-from verefine_viz.evaluation.pose_errors import pose_errors
+from verefine_viz.evaluation.pose_errors import ErrorOf, pose_errors
 
 
 def bumpy_object() -> tuple[np.ndarray, np.ndarray]:

@@ -9,16 +9,17 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
+from verefine_viz.core.accuracy import PoseErrors
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause
+from verefine_viz.core.finding import Finding
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.records import Best, Event, Iteration, Stage, StageName
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import MethodSettings, Session
-from verefine_viz.diagnosis.causes import Cause, Finding
 from verefine_viz.diagnosis.lost_poses import Discarded, Lost, lost
 from verefine_viz.diagnosis.signs import FinishedObject, RunnerUp, signs
-from verefine_viz.diagnosis.symmetry import UndeclaredTurn
-from verefine_viz.evaluation.pose_errors import PoseErrors
+from verefine_viz.diagnosis.undeclared_turn import UndeclaredTurn
 
 C = Cause
 TARGET = box_problem(n_hypotheses=3).targets[0]

@@ -11,8 +11,8 @@ import pytest
 from tests.failing_scenes import broken_scene, named
 from tests.made_up_frames import Broken, Thing, Z, broken_by, frame_of, model, moved, near, session_of, standing
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause
 from verefine_viz.diagnosis.case import cluster_of, solved_together
-from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.scenes.demo_layout import Viewpoint
 

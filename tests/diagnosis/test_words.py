@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
-from verefine_viz.diagnosis.causes import MORE_DIGITS, distinct_texts, instead
-from verefine_viz.diagnosis.score_causes import preferred
+from verefine_viz.diagnosis.number_words import MORE_DIGITS, distinct_texts, instead
+from verefine_viz.diagnosis.preferred_poses import preferred
 
 
 @pytest.mark.parametrize(

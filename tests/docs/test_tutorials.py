@@ -46,7 +46,7 @@ def run(name: str) -> tuple[dict[str, Any], str]:
 
 def test_they_are_notebooks_without_outputs() -> None:
     files = sorted(TUTORIALS.glob("*.ipynb"))
-    assert len(files) == 5
+    assert len(files) == 6
     for file in files:
         notebook = json.loads(file.read_text(encoding="utf-8"))
         nbformat.validate(notebook)
@@ -105,3 +105,24 @@ def test_a_data_set_is_solved_evaluated_and_reported() -> None:
     assert 0.7 < names["recall"].ar < 1
     assert "3 frames" in printed
     assert (names["folder"] / "runs" / "report.html").stat().st_size > 100_000
+
+
+def test_frames_are_labelled_and_a_wrong_pose_does_not_look_verified() -> None:
+    names, printed = run("label_your_own_data")
+    mug, better = names["mug"], names["better"]
+    assert (mug.light, better.light) == ("green", "green")
+    assert names["off_mm"](names["problems"][0], mug) < 2
+    assert names["off_mm"](names["problems"][1], better) < 2
+    assert names["beside"].light == "red"
+    turned = names["turned"]
+    assert turned.light == "amber"
+    assert turned.score < better.score
+    assert turned.undetermined_deg > 45
+    assert names["handle_deg"] > 45
+    assert [(can.light, can.undetermined_deg) for can in names["cans"]] == [("amber", 180.0)] * 2
+    assert "4 labels of 2 frames written" in printed
+    assert "No part needs a look" in printed
+    assert names["scores"].recalls.ar > 0.8
+    (scene,) = (names["data"] / "test").iterdir()
+    truth = json.loads((scene / "scene_gt.json").read_text())
+    assert [len(of) for of in truth.values()] == [2, 2]

@@ -20,7 +20,8 @@ from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.ppf import Ppf
 from verefine_viz.estimators.registry import ESTIMATORS, make_estimator
-from verefine_viz.evaluation.pose_errors import pose_errors, rotation_error_deg
+from verefine_viz.evaluation.pose_errors import pose_errors
+from verefine_viz.evaluation.rotation_errors import rotation_error_deg
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo_models import demo_model

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from tests.fakes import box_model
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.evaluation.pose_errors import pose_errors, rotation_error_deg
+from verefine_viz.evaluation.pose_errors import pose_errors
+from verefine_viz.evaluation.rotation_errors import rotation_error_deg
 
 MODEL = box_model()
 angles = st.floats(0, np.pi, allow_nan=False)

@@ -13,7 +13,7 @@ from tests.fakes import box_model
 from tests.made_up_frames import model
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between, axis_angle, transform
-from verefine_viz.evaluation.pose_errors import rotation_error_deg, turning, turning_of
+from verefine_viz.evaluation.rotation_errors import rotation_error_deg, turning, turning_of
 
 ANGLES = st.floats(0.0, 179.0)
 SEEDS = st.integers(0, 10_000)

@@ -6,7 +6,7 @@ import json
 import sys
 from pathlib import Path
 
-from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.methods.known_methods import ALL_METHOD_NAMES
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 

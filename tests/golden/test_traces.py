@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.golden.regenerate import trace, trace_file
-from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.methods.known_methods import ALL_METHOD_NAMES
 
 CHOSEN = ("instance", "arm", "accepted")
 

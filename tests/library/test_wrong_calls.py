@@ -85,6 +85,7 @@ def calls(mesh: Path, folder: Path) -> Iterator[Call]:
     yield Call("refine", vv.refine, {**one, "poses": pose, "refiner": ""}, sections=True)
     yield Call("settle", vv.settle, {**one, "poses": pose, "steps": 2}, sections=True)
     yield Call("estimate", vv.estimate, {**one, "estimator": "ppf", "n": 2}, sections=True)
+    yield Call("label", vv.label, {**one, "T_start": pose, "others": None}, sections=True)
     yield Call("evaluate", vv.evaluate, {"results": folder / "a.csv", "dataset": folder, "split": ""})
     solving = {"frame": frame, "method": "refine", "refiner": "", "preset": ""}
     yield Call("solve", vv.solve, solving, sections=True)

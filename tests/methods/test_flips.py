@@ -20,8 +20,9 @@ from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, Session
 from verefine_viz.evaluation.near_symmetry import flips, sought
+from verefine_viz.methods.known_methods import METHODS
 from verefine_viz.methods.object_method import LEAST_GAIN, Flips
-from verefine_viz.methods.registry import METHOD_NAMES, METHODS, make_method
+from verefine_viz.methods.registry import METHOD_NAMES, make_method
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.run.engine import Run
 from verefine_viz.run.run_file import RunFile, read_run_file

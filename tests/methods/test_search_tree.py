@@ -67,6 +67,11 @@ def test_every_expansion_adds_one_node_until_every_combination_was_placed(
     assert len(combinations) == tree.n_expanded, "nothing is placed twice"
 
 
+def test_five_objects_of_five_hypotheses_have_3905_nodes() -> None:
+    """The paper's example (Sec. IV-A), of which it does not count the root."""
+    assert SearchTree(pools_of([5] * 5, 0)).size(10_000) == (5**6 - 1) // 4 - 1 == 3905
+
+
 @given(shape=shapes, seed=st.integers(0, 999), n=st.integers(0, 60))
 def test_the_largest_untried_overlap_comes_first_and_the_first_of_equals(shape: list[int], seed: int, n: int) -> None:
     tree = grow(SearchTree(pools_of(shape, seed)), n, seed)

@@ -9,8 +9,10 @@ import msgspec
 import pytest
 
 from tests.page.fake_tools import FakeTools
+from tests.received import received
 from verefine_viz.core.settings import Session
 from verefine_viz.page.app import App
+from verefine_viz.page.messages import AnyMessage
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 
@@ -18,10 +20,10 @@ SESSION = msgspec.convert({"method": {"name": "rir", "refiner": "identity", "ite
 
 
 class Posted(list):
-    """The messages that windows get."""
+    """The messages that windows get, as a browser reads them; each is one that messages.d.ts declares."""
 
-    def __call__(self, message: dict, window: int | None) -> None:
-        self.append(message)
+    def __call__(self, message: AnyMessage, window: int | None) -> None:
+        self.append(received(message))
 
     def of(self, t: str) -> list[dict]:
         """Return the messages of a type."""

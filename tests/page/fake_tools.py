@@ -12,12 +12,13 @@ from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Watcher
-from verefine_viz.core.settings import Session
+from verefine_viz.core.settings import Session, StartPose
 from verefine_viz.methods.registry import make_method
 from verefine_viz.observation.dependency_graph import dependency_graph
 from verefine_viz.run.edits import edits_of
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import AT_ITS_START, changed
+from verefine_viz.run.start_poses import with_starts
 
 
 class FakeTools:
@@ -25,7 +26,7 @@ class FakeTools:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.verifier = FakeVerifier()
+        self.verifier = self.picture_verifier = FakeVerifier()
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -44,14 +45,15 @@ class FakeTools:
         if frame not in self.frames:
             raise InputError(f"no frame {frame}")
         n = int(frame[-1])
-        return replace(box_problem(n_hypotheses=3, n_instances=n, seed=3), im_id=n)
+        problem = replace(box_problem(n_hypotheses=3, n_instances=n, seed=3), im_id=n)
+        return with_starts(problem, self.session.starts)
 
     def changed(self, settings: dict[str, dict[str, Any]]) -> FakeTools:
         return type(self)(changed(self.session, settings))
 
-    def restarted(self, settings: dict[str, dict[str, Any]]) -> FakeTools:
+    def restarted(self, settings: dict[str, dict[str, Any]], starts: tuple[StartPose, ...] = ()) -> FakeTools:
         session = changed(self.session, settings, AT_ITS_START)
-        return type(self)(structs.replace(session, edits=(), changes=()))
+        return type(self)(structs.replace(session, edits=(), changes=(), starts=starts))
 
     def ordered(self, problem: Problem) -> Problem:
         return replace(problem, dependencies=dependency_graph(problem, self.session.dependency))

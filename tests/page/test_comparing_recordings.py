@@ -54,8 +54,8 @@ def test_a_recording_beside_the_run_it_was_made_of_does_the_same(recordings: Rec
     d = opened(p.RunVerb(), p.Compare(recording=str(recordings.rir)))
     assert d.space.work.compare is not None
     answer = comparison(d.space, p.ComparisonWanted(*d.space.work.compare), Blobs())
-    assert answer["words"] == "A and B did the same in all 12 iterations that both have made, bit for bit."
-    assert {row["winner"] for row in answer["rows"]} == {"even"}
+    assert answer.words == "A and B did the same in all 12 iterations that both have made, bit for bit."
+    assert {row.winner for row in answer.rows} == {"even"}
 
 
 def test_two_recordings_compare_as_the_runs_themselves(recordings: Recordings):
@@ -66,9 +66,9 @@ def test_two_recordings_compare_as_the_runs_themselves(recordings: Recordings):
     for d in (read, made):
         assert d.space.work.compare is not None
         answers.append(comparison(d.space, p.ComparisonWanted(*d.space.work.compare), Blobs()))
-    assert answers[0]["names"] == ("rir, rir.rrd", "sir, sir.rrd")
+    assert answers[0].names == ("rir, rir.rrd", "sir, sir.rrd")
     for name in ("pairs", "departures", "words", "rows"):
-        assert answers[0][name] == answers[1][name], name
+        assert getattr(answers[0], name) == getattr(answers[1], name), name
 
 
 def test_a_run_that_ended_early_gets_no_verdict_and_goes_on(tmp_path: Path):
@@ -80,12 +80,12 @@ def test_a_run_that_ended_early_gets_no_verdict_and_goes_on(tmp_path: Path):
     d = opened(p.Open(recording=str(file.path)))
     branch = d.space.work.first
     message = verdict_message(branch)
-    assert message["objects"] == []
-    assert message["missing"].startswith("the run ended early (it was stopped or cut off); 5 iterations are in it")
+    assert message.objects == []
+    assert message.missing.startswith("the run ended early (it was stopped or cut off); 5 iterations are in it")
     d.carry_out([p.Fork(5, branch.index, run=True)])
     run.finish()
     assert first_difference(d.space.branch(last(d)).run.iterations, run.iterations) is None
-    assert verdict_message(d.space.branch(last(d)))["objects"]
+    assert verdict_message(d.space.branch(last(d))).objects
 
 
 def test_recordings_that_do_not_fit_are_refused_in_one_line(recordings: Recordings, tmp_path: Path):

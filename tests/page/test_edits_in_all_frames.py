@@ -79,7 +79,7 @@ def test_what_lies_behind_the_end_of_the_run_is_noted():
     longer = Change(after_iteration=2, settings={"method": {"iterations": 5}})
     d = opened(session(late, changes=(longer,)), posted)
     d.welcome(1)
-    assert posted.of("run")[-1]["notes"] == (), "a change on the way may make it longer"
+    assert posted.of("run")[-1]["notes"] == [], "a change on the way may make it longer"
     d.carry_out([p.RunVerb()])
     assert "15 iterations" in posted.of("run")[-1]["notes"][0]
 

@@ -84,7 +84,7 @@ def test_the_run_before_stays_as_a_branch_and_windows_get_both_starts(session: S
     arms = {o["id"]: len(o["arms"]) for o in posted.of("frame")[-1]["objects"]}
     start = [m["start"] for m in posted.of("run") if m["branch"] == new.index][-1]
     assert arms == {0: 3, 1: 3, 2: 3}
-    assert {own: len(poses) for own, poses in start.items()} == {1: 2}
+    assert {own: len(poses) for own, poses in start.items()} == {"1": 2}
     again = opened(session).carry_out(d.log)
     assert [sources(again, index) for index in again.space.branches] == [FROM_SESSION, ESTIMATED]
 

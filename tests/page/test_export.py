@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import urlopen
@@ -20,9 +19,10 @@ from verefine_viz.core.settings import Session
 from verefine_viz.page import protocol as p
 from verefine_viz.page.app import App
 from verefine_viz.page.export import Exporter
-from verefine_viz.page.protocol import UnconfirmedError, read_verb
+from verefine_viz.page.protocol import UnconfirmedError
 from verefine_viz.page.replay_verbs import carry_out
 from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.wire import pose_numbers
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.run.session_file import load_session, save_session
@@ -46,8 +46,7 @@ def test_another_session_stays_until_the_user_insists(debugger: Debugger, tmp_pa
     with pytest.raises(UnconfirmedError, match="another session, “other”") as refused:
         debugger.carry_out([p.Save("session", name="theirs")])
     assert load_session(theirs).title == "other"
-    verb = read_verb(json.dumps(refused.value.offer["verb"]))
-    debugger.carry_out([verb, p.Save("session", name="theirs"), p.Save("session", name="mine")])
+    debugger.carry_out([refused.value.verb, p.Save("session", name="theirs"), p.Save("session", name="mine")])
     assert load_session(theirs).title == "mine"
 
 
@@ -80,7 +79,9 @@ def test_names_stay_within_the_folder(debugger: Debugger, tmp_path: Path):
 
 @pytest.mark.usefixtures("processes")
 def test_exports_can_be_read_back(debugger: Debugger, tmp_path: Path, posted: Posted):
-    debugger.carry_out([p.RunVerb(), p.Save("results"), p.Save("maps", k=3), p.Save("verbs"), p.Save("maps", k=3)])
+    obj, T = debugger.space.problem.instances[0].instance_id, debugger.space.problem.instances[0].T_cam_obj_gt
+    maps = p.Save("maps", k=3, obj=obj, poses=(("ground truth", pose_numbers(np.asarray(T))),))
+    debugger.carry_out([p.RunVerb(), p.Save("results"), maps, p.Save("verbs"), maps])
     debugger.carry_out([p.Save("recording"), p.Save("recording", name="short.vfrun")])
     run, names = debugger.space.work.first.run, [message["name"] for message in posted.of("written")]
     assert names == [

@@ -183,7 +183,7 @@ def test_sessions_are_listed_by_their_titles(tmp_path: Path):
     save_session(structs.replace(SESSION, title="A carton"), tmp_path / "failure_wrong_plane.toml")
     save_session(SESSION, tmp_path / "failure_mask_leaks.toml")
     (tmp_path / "broken.toml").write_text("[")
-    names = [one["title"] for one in titled(sorted(tmp_path.glob("*.toml")))]
+    names = [one.title for one in titled(sorted(tmp_path.glob("*.toml")))]
     assert names == ["broken", "mug 2", "A carton"]
 
 
@@ -195,18 +195,6 @@ def test_the_log_opens_answers_again(gallery: Gallery, posted: Posted):
     lines = [write_verb(verb) for verb in d.log]
     again = carry_out(gallery.session(gallery.worst.run), lines, FakeTools, gallery)
     assert records(again) == records(d)
-
-
-def test_the_picture_of_a_frame_is_there_before_anything_is_prepared():
-    events: list[object] = []
-
-    class Listed(FakeTools):
-        def run(self, *given):
-            events.append("prepared")
-            return super().run(*given)
-
-    space = Workspace(SESSION, None, Listed, seen=events.append)
-    assert events[:2] == [space.problem.observation, "prepared"]
 
 
 def test_a_first_frame_that_cannot_be_read_is_passed_over_and_noted():

@@ -11,7 +11,6 @@ from tests.page.conftest import Posted
 from tests.page.fake_tools import FakeTools
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.page import protocol as p
-from verefine_viz.page.moment import moment_of
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.recording.verify import first_difference
@@ -46,10 +45,10 @@ def test_a_pose_scores_what_the_record_says_at_every_iteration():
     d = opened().carry_out([p.RunVerb(), p.Fork(2, changes=STRICTER, run=True)])
     branch = d.space.branch(1)
     for iteration in branch.run.iterations:
-        moment = moment_of(branch, p.Look(branch=1, k=iteration.index))
-        accepted = iteration.accepted_stage
+        accepted, target = iteration.accepted_stage, branch.run.problem.target(iteration.instance_id)
         assert accepted.score is not None
-        assert moment.evaluator.score(moment.target, accepted.T_cam_obj).score == accepted.score.score
+        evaluator = branch.evaluator_of(iteration.index)
+        assert evaluator.score(target, accepted.T_cam_obj).score == accepted.score.score
         assert (accepted.score.score <= MOST) == (iteration.index > 2)
 
 
@@ -67,4 +66,4 @@ def test_windows_get_the_initial_poses_of_a_branch_only_where_they_are_others():
     d.carry_out([p.Fork(0, edit=p.EditedPose(0, 1, T))])
     starts = {m["branch"]: m["start"] for m in posted.of("run") if m["from"] == 0}
     assert starts[1] is None
-    assert np.allclose(starts[2][0][1]["T"], T)
+    assert np.allclose(starts[2]["0"][1]["T"], T)

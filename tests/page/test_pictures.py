@@ -13,12 +13,15 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import ScoreMaps
+from verefine_viz.page.answers_to_wants import MapsAnswer
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.protocol import MapsWanted, OutlinesWanted, Pose, ShadedWanted
 from verefine_viz.page.views.pixel_maps import maps
 from verefine_viz.page.views.pose_outlines import outlines
 from verefine_viz.page.views.shaded_model import shaded
 from verefine_viz.page.workspace import Workspace
+from verefine_viz.pictures.shaded_models import shaded_picture
+from verefine_viz.pictures.silhouettes import outline
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 
@@ -48,52 +51,63 @@ def numbers(T_cam_obj: Float) -> Pose:
     return tuple(float(x) for x in T_cam_obj.ravel())
 
 
-def unpacked(answer: dict[str, Any], blobs: Blobs) -> dict[str, np.ndarray]:
+def unpacked(answer: MapsAnswer, blobs: Blobs) -> dict[str, np.ndarray]:
     """The arrays as the browser reads them, (h, w) or (h, w, 3)."""
-    blob = blobs.get(answer["blob"])
+    blob = blobs.get(answer.blob)
     assert blob is not None
-    _, _, width, height = answer["region"]
+    _, _, width, height = answer.region
     arrays = {}
-    for name, kind, offset, n in answer["arrays"]:
-        assert offset % 8 == 0
-        values = np.frombuffer(blob.data, np.dtype(kind).newbyteorder("<"), n, offset)
-        arrays[name] = values.reshape(height, width, -1).squeeze()
+    for one in answer.arrays:
+        assert one.offset % 8 == 0
+        values = np.frombuffer(blob.data, np.dtype(one.dtype).newbyteorder("<"), one.n, one.offset)
+        arrays[one.name] = values.reshape(height, width, -1).squeeze()
     return arrays
 
 
-def check_equal(answer: dict[str, Any], blobs: Blobs, pixels: ScoreMaps, names: dict[str, str]) -> None:
-    u0, v0, width, height = answer["region"]
+def check_equal(answer: MapsAnswer, blobs: Blobs, pixels: ScoreMaps, names: dict[str, str]) -> None:
+    u0, v0, width, height = answer.region
     arrays = unpacked(answer, blobs)
     assert set(arrays) == set(names)
     for name, field in names.items():
         ours = getattr(pixels, field)[v0 : v0 + height, u0 : u0 + width]
         assert arrays[name].tobytes() == np.ascontiguousarray(ours).tobytes(), name
     # Nothing that counts lies outside.
-    assert np.count_nonzero(arrays["counted"]) == np.count_nonzero(pixels.counted) == answer["score"]["n"]
+    assert np.count_nonzero(arrays["counted"]) == np.count_nonzero(pixels.counted) == answer.score.n
 
 
 def test_maps_have_the_bits_of_the_evaluator(mug: Workspace) -> None:
     target, evaluator, blobs = target_of(mug), mug.branch(0).evaluator_of(1), Blobs()
     T = target.instance.hypotheses[0].T_cam_obj
     answer = maps(mug, MapsWanted(obj=target.instance.instance_id, T=numbers(T)), blobs)
-    check_equal(answer, blobs, evaluator.maps(target, T), NAMES)
+    check_equal(answer, blobs, evaluator.maps(target, T), NAMES | COLOURS)
     score, errors = evaluator.score(target, T), evaluator.errors(target, T)
-    assert answer["score"]["score"] == score.score
-    assert answer["score"]["counts"]["explained"] == score.counts[0]
+    assert answer.score.score == score.score
+    assert answer.score.counts["explained"] == score.counts[0]
     assert errors is not None
-    assert answer["score"]["err"] == errors.add_s_mm
-    low, high = answer["scale"]["depth"]
+    assert answer.score.err == errors.add_s_mm
+    low, high = answer.scale.depth
     assert low < T[2, 3] < high
 
 
-def test_colour_comes_where_it_counts(processes: None) -> None:
-    space, blobs = opened("mug", score={"colour_weight": 0.3}), Blobs()
-    target, evaluator = target_of(space), space.branch(0).evaluator_of(1)
-    T = target.instance.T_cam_obj_gt
-    assert T is not None
-    answer = maps(space, MapsWanted(obj=target.instance.instance_id, T=numbers(T)), blobs)
-    check_equal(answer, blobs, evaluator.maps(target, T), NAMES | COLOURS)
-    assert answer["score"]["colour_fit"] == evaluator.score(target, T).colour_fit
+def test_colours_are_drawn_whatever_they_weigh_and_the_rest_is_what_was_scored(mug: Workspace) -> None:
+    heavy, blobs = opened("mug", score={"colour_weight": 0.3}), Blobs()
+    drawn = []
+    for space in (mug, heavy):
+        target, evaluator = target_of(space), space.branch(0).evaluator_of(1)
+        T = target.instance.T_cam_obj_gt
+        assert T is not None
+        answer = maps(space, MapsWanted(obj=target.instance.instance_id, T=numbers(T)), blobs)
+        check_equal(answer, blobs, evaluator.maps(target, T), NAMES | COLOURS)
+        scored = evaluator.verifier.maps(target, T)
+        assert scored is not None
+        u0, v0, width, height = answer.region
+        for name, field in NAMES.items():
+            there = np.ascontiguousarray(getattr(scored, field)[v0 : v0 + height, u0 : u0 + width])
+            assert unpacked(answer, blobs)[name].tobytes() == there.tobytes(), name
+        assert answer.score.colour_fit == evaluator.score(target, T).colour_fit
+        drawn.append(unpacked(answer, blobs)["correlation"])
+    assert answer.score.colour_fit is not None
+    np.testing.assert_array_equal(*drawn)
 
 
 def test_a_scene_is_rendered_together(processes: None) -> None:
@@ -103,9 +117,9 @@ def test_a_scene_is_rendered_together(processes: None) -> None:
     poses = tuple((t.instance.instance_id, numbers(T)) for t, T in zip(targets, Ts, strict=True))
     answer = maps(space, MapsWanted(poses=poses), blobs)
     evaluator = branch.evaluator_of(0)
-    check_equal(answer, blobs, evaluator.scene_maps(targets, Ts), NAMES)
-    assert answer["score"]["score"] == evaluator.scene_score(targets, Ts).score
-    assert answer["score"]["err"] is None
+    check_equal(answer, blobs, evaluator.scene_maps(targets, Ts), NAMES | COLOURS)
+    assert answer.score.score == evaluator.scene_score(targets, Ts).score
+    assert answer.score.err is None
 
 
 def test_maps_of_no_pose_are_refused(mug: Workspace) -> None:
@@ -121,7 +135,7 @@ def test_an_outline_runs_around_what_is_rendered(mug: Workspace) -> None:
     behind = np.array(Ts[0])
     behind[2, 3] = -1.0
     want = OutlinesWanted(obj=target.instance.instance_id, poses=tuple(numbers(T) for T in (*Ts, behind)))
-    shapes = outlines(mug, want, Blobs())["outlines"]
+    shapes = outlines(mug, want, Blobs(), outline).outlines
     assert len(shapes) == len(Ts) + 1
     assert shapes[-1] == []
     for T, polygons in zip(Ts, shapes, strict=False):
@@ -143,9 +157,9 @@ def _area(polygon: list[float]) -> float:
 def test_a_shaded_model_covers_what_is_rendered(mug: Workspace) -> None:
     target, evaluator, blobs = target_of(mug), mug.branch(0).evaluator_of(1), Blobs()
     T = np.array(target.instance.hypotheses[0].T_cam_obj)
-    answer = shaded(mug, ShadedWanted(obj=target.instance.instance_id, T=numbers(T)), blobs)
-    _, _, width, height = answer["region"]
-    blob = blobs.get(answer["url"].removeprefix("/blob/"))
+    answer = shaded(mug, ShadedWanted(obj=target.instance.instance_id, T=numbers(T)), blobs, shaded_picture)
+    _, _, width, height = answer.region
+    blob = blobs.get((answer.url or "").removeprefix("/blob/"))
     assert blob is not None
     assert blob.media_type == "image/png"
     picture = np.asarray(PilImage.open(io.BytesIO(blob.data)))
@@ -154,4 +168,4 @@ def test_a_shaded_model_covers_what_is_rendered(mug: Workspace) -> None:
     n_rendered = np.count_nonzero(evaluator.maps(target, T).rendered_m)
     assert np.count_nonzero(picture[..., 3]) / finer**2 == pytest.approx(n_rendered, rel=0.02)
     T[0, 3] = 9.0
-    assert shaded(mug, ShadedWanted(obj=target.instance.instance_id, T=numbers(T)), blobs)["url"] is None
+    assert shaded(mug, ShadedWanted(obj=target.instance.instance_id, T=numbers(T)), blobs, shaded_picture).url is None

@@ -50,15 +50,15 @@ def test_every_step_stands_beside_our_score_of_its_pose(debugger: Debugger):
     run = debugger.space.work.first.run
     (obj,) = [i.instance_id for i in run.problem.instances]
     answer = recorded(debugger.space, p.RecordedWanted(obj), Blobs())
-    starts, steps = answer["rows"][:3], answer["rows"][3:]
-    assert [(r["k"], r["theirs"]) for r in starts] == [(0, 1.0), (0, None), (0, 2.0)]
+    starts, steps = answer.rows[:3], answer.rows[3:]
+    assert [(r.k, r.theirs) for r in starts] == [(0, 1.0), (0, None), (0, 2.0)]
     for row, step, iteration in zip(steps, run.problem.instances[0].recorded, run.iterations, strict=True):
         score = iteration.stages[-1].score
         assert score is not None
-        assert (row["k"], row["arm"]) == (iteration.index, step.hypothesis)
-        assert (row["name"], row["theirs"], row["ours"]) == (step.name, step.score, score.score)
-    both = np.array([(r["theirs"], r["ours"]) for r in answer["rows"] if r["theirs"] is not None])
-    assert answer["rank"] == pytest.approx(pearsonr(*rankdata(both, axis=0).T)[0])
+        assert (row.k, row.arm) == (iteration.index, step.hypothesis)
+        assert (row.name, row.theirs, row.ours) == (step.name, step.score, score.score)
+    both = np.array([(r.theirs, r.ours) for r in answer.rows if r.theirs is not None])
+    assert answer.rank == pytest.approx(pearsonr(*rankdata(both, axis=0).T)[0])
 
 
 def test_a_branch_goes_on_from_the_recorded_poses(debugger: Debugger):
@@ -69,4 +69,17 @@ def test_a_branch_goes_on_from_the_recorded_poses(debugger: Debugger):
     assert second.run.length == 9
     assert second.settings.method.name == "rir"
     answer = recorded(debugger.space, p.RecordedWanted(0, second.index), Blobs())
-    assert [r["k"] for r in answer["rows"] if r["k"]] == [1, 2, 3, 4], "the rest was computed here"
+    assert [r.k for r in answer.rows if r.k] == [1, 2, 3, 4], "the rest was computed here"
+
+
+def test_a_recorded_object_is_refined_from_an_edited_pose(debugger: Debugger):
+    while debugger.is_running:
+        debugger.tick()
+    first = debugger.space.work.first
+    pose = tuple(transform(np.eye(3), [0.01, 0.0, 0.7]).ravel().tolist())
+    debugger.carry_out([p.Refine(0, pose, first.run.length)])
+    new = list(debugger.space.branches.values())[1]
+    assert new.settings.method.name == "sir"
+    assert new.run.is_done
+    assert new.run.length == TRACE.method.iterations
+    assert new.run.iterations[0].stages[0].T_cam_obj.ravel().tolist() == list(pose)

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 import viser
 
+from tests.labels.labelled import bare_dataset, problems
 from tests.page.viser_client import client
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.geometry import apply, axis_angle, quat_wxyz, transform
+from verefine_viz.core.palette import rank_colors
 from verefine_viz.core.settings import MethodSettings, SceneSettings, Session
-from verefine_viz.page.moment import moment_of
-from verefine_viz.page.protocol import Beside, Look
+from verefine_viz.page.protocol import CloudColors, DrawnHypothesis, DrawnPose, Look, PathMoment, SceneLook
 from verefine_viz.page.scene3d.camera_moves import least_hidden, visible_share
-from verefine_viz.page.scene3d.observed_cloud import signed_distances
+from verefine_viz.page.scene3d.observed_cloud import measured_points
+from verefine_viz.page.scene3d.physics_drawing import FORCE_M
 from verefine_viz.page.scene3d.scene import Scene3D
 from verefine_viz.page.scene3d.viser_server import Viser3DServer
+from verefine_viz.page.wire import pose_numbers
 from verefine_viz.page.workspace import Workspace
+from verefine_viz.pictures.surface_distances import signed_distances
+from verefine_viz.run.label_session import label_session
 from verefine_viz.run.toolbox import Toolbox
 
 ITERATIONS = 3
@@ -62,25 +68,53 @@ def own_body(space: Workspace) -> str:
     return f"/cam/objects/{space.problem.instances[0].instance_id}/coloured"
 
 
+def look(space: Workspace, poses: dict[str, Any], k: int = 1, **more: Any) -> Look:
+    """The only object at poses by role: the first as its body, the others as outlines."""
+    obj = space.problem.instances[0].instance_id
+    draw = [
+        DrawnPose(obj, pose_numbers(np.asarray(T)), role, 0.0 if n else 0.9)
+        for n, (role, T) in enumerate(poses.items())
+    ]
+    return Look(branch=space.work.first.index, k=k, obj=obj, draw=tuple(draw), **more)
+
+
+def accepted(space: Workspace, k: int = 1) -> np.ndarray:
+    return space.work.first.run.iterations[k - 1].accepted_stage.T_cam_obj
+
+
 def test_the_body_moves_with_the_iteration_and_no_mesh_is_sent_again(space: Workspace, shown: Shown) -> None:
     branch, body = space.work.first, own_body(space)
-    shown.scene.show(space, Look(branch=branch.index, k=1))
-    assert {"/cam/cloud", "/cam/photo", "/world/grid", body} <= shown.visible
+    shown.scene.show(space, look(space, {"accepted": accepted(space)}))
+    assert {"/cam/cloud", "/cam/photo", "/cam/plane_outline", body} <= shown.visible
     handles = dict(shown.server.scene._handle_from_node_name)
-    for k in range(1, ITERATIONS + 1):
-        for stage in (s.name for s in branch.run.iterations[k - 1].stages):
-            look = Look(branch=branch.index, k=k, stage=stage)
-            shown.scene.show(space, look)
-            reached = branch.run.iterations[k - 1]
-            last = stage == reached.stages[-1].name
-            T = (
-                reached.accepted_stage.T_cam_obj
-                if last
-                else next(s for s in reached.stages if s.name == stage).T_cam_obj
-            )
-            np.testing.assert_allclose(shown.node(body).position, T[:3, 3], atol=2e-5)
+    for iteration in branch.run.iterations:
+        for stage in iteration.stages:
+            shown.scene.show(space, look(space, {stage.name: stage.T_cam_obj}))
+            np.testing.assert_allclose(shown.node(body).position, stage.T_cam_obj[:3, 3], atol=2e-5)
     again = shown.server.scene._handle_from_node_name
     assert all(again[name] is handle for name, handle in handles.items())
+
+
+def test_without_an_object_in_focus_the_frame_is_drawn_and_a_frame_may_have_none(
+    space: Workspace, shown: Shown, tmp_path: Path
+) -> None:
+    around = {"/cam/cloud", "/cam/photo", "/cam/plane_outline"}
+    shown.scene.show(space, Look(branch=space.work.first.index))
+    assert around <= shown.visible
+    assert own_body(space) not in shown.visible
+    folder = bare_dataset(tmp_path / "data", problems(1))
+    bare = Workspace(label_session(folder, None, None, {}), None, Toolbox)
+    try:
+        assert bare.problem.instances == ()
+        shown.scene.show(bare, Look(branch=bare.work.first.index))
+        assert around <= shown.visible
+        seen_m = shown.node("/cam/cloud").points[:, 2]
+        nearest_m, farthest_m = np.quantile(seen_m, [0, 1])
+        points = measured_points(bare.problem)
+        assert len(points) > 100
+        assert np.all((points[:, 2] > nearest_m - 0.01) & (points[:, 2] < farthest_m + 0.01))
+    finally:
+        bare.close()
 
 
 def test_the_simulated_path_is_shown_pose_by_pose(space: Workspace, shown: Shown) -> None:
@@ -88,24 +122,76 @@ def test_the_simulated_path_is_shown_pose_by_pose(space: Workspace, shown: Shown
     iteration = next(i for i in branch.run.iterations if i.path is not None)
     assert iteration.path is not None
     for moment in range(len(iteration.path.Ts_cam_obj)):
-        shown.scene.show(space, Look(branch=branch.index, k=iteration.index, moment=moment))
+        path = PathMoment(iteration.index, moment)
+        alone = SceneLook(hidden=("contacts",))
+        shown.scene.show(space, look(space, {"refined": accepted(space)}, path=path, scene=alone))
         position = shown.node(own_body(space)).position
         np.testing.assert_allclose(position, iteration.path.Ts_cam_obj[moment][:3, 3], atol=2e-5)
 
 
-def test_the_answer_and_a_run_beside_it(space: Workspace, shown: Shown) -> None:
-    branch, n = space.work.first, space.work.first.run.length
-    instance_id = space.problem.instances[0].instance_id
-    shown.scene.show(space, Look(branch=branch.index, k=n, answer=True, b=Beside(branch=branch.index, k=1)))
-    best = branch.run.final_state.best[0]
+def test_outlines_are_where_they_are_said_to_be_and_go_again(space: Workspace, shown: Shown) -> None:
+    instance_id, truth = space.problem.instances[0].instance_id, space.problem.instances[0].T_cam_obj_gt
+    best, beside = space.work.first.run.final_state.best[0], accepted(space)
     assert best is not None
+    start = space.problem.instances[0].hypotheses[0].T_cam_obj
+    poses = {"best": best.T_cam_obj, "B": beside, "ground truth": truth, "initial": start}
+    shown.scene.show(space, look(space, poses))
     np.testing.assert_allclose(shown.node(own_body(space)).position, best.T_cam_obj[:3, 3], atol=2e-5)
-    beside = moment_of(branch, Look(branch=branch.index, k=1)).object(instance_id).T_cam_obj
-    assert beside is not None
-    outline = f"/cam/objects/{instance_id}/outline_B"
-    np.testing.assert_allclose(shown.node(outline).position, beside[:3, 3], atol=2e-5)
-    shown.scene.show(space, Look(branch=branch.index, k=n, answer=True))
-    assert outline not in shown.visible
+    for role in ("B", "ground truth", "initial"):
+        outline = f"/cam/objects/{instance_id}/outline_{role.replace(' ', '_')}"
+        assert outline in shown.visible
+        np.testing.assert_allclose(shown.node(outline).position, np.asarray(poses[role])[:3, 3], atol=2e-5)
+    shown.scene.show(space, look(space, {"best": best.T_cam_obj}))
+    assert not any("/outline_" in name for name in shown.visible)
+
+
+def test_hypotheses_are_coloured_by_rank(space: Workspace, shown: Shown) -> None:
+    instance_id = space.problem.instances[0].instance_id
+    Ts = [h.T_cam_obj for h in space.problem.instances[0].hypotheses]
+    ghosts = tuple(DrawnHypothesis(pose_numbers(T), k / (len(Ts) - 1)) for k, T in enumerate(Ts))
+    shown.scene.show(space, look(space, {"accepted": accepted(space)}, hypotheses=ghosts, arm=1))
+    node = shown.node(f"/cam/objects/{instance_id}/hypotheses")
+    np.testing.assert_allclose(node.batched_positions, [T[:3, 3] for T in Ts], atol=1e-6)
+    np.testing.assert_array_equal(node.batched_colors, rank_colors(np.linspace(0, 1, len(Ts))))
+    assert np.argmax(node.batched_opacities) == 1
+
+
+def test_what_the_image_allows_and_axes_are_drawn_where_they_are_and_go_again(space: Workspace, shown: Shown) -> None:
+    instance_id, start = space.problem.instances[0].instance_id, accepted(space)
+    Ts = [start @ transform(axis_angle(np.array([0.0, 0.0, 1.0]), turn), np.zeros(3)) for turn in (-0.5, 0.2, 0.6)]
+    drawn = {"allowed": tuple(map(pose_numbers, Ts)), "axes": (pose_numbers(Ts[2]), pose_numbers(start))}
+    shown.scene.show(space, look(space, {"best": start}, **drawn))
+    own = f"/cam/objects/{instance_id}"
+    ghosts = shown.node(f"{own}/allowed")
+    np.testing.assert_allclose(ghosts.batched_wxyzs, [quat_wxyz(T[:3, :3]) for T in Ts], atol=1e-6)
+    for k, T in enumerate((Ts[2], start)):
+        np.testing.assert_allclose(shown.node(f"{own}/axes_{k}").wxyz, quat_wxyz(T[:3, :3]), atol=1e-6)
+    assert {f"{own}/allowed", f"{own}/axes_0", f"{own}/axes_1"} <= shown.visible
+    shown.scene.show(space, look(space, {"best": start}))
+    assert not {f"{own}/allowed", f"{own}/axes_0", f"{own}/axes_1"} & shown.visible
+
+
+def test_forces_are_drawn_as_long_as_mujoco_draws_them_where_the_object_can_be_looked_into(
+    space: Workspace, shown: Shown
+) -> None:
+    branch, obj = space.work.first, space.problem.instances[0].instance_id
+    iteration = next(i for i in branch.run.iterations if i.path is not None and len(i.path.contacts[-1].depths_m))
+    assert iteration.path is not None
+    contacts = iteration.path.contacts[-1]
+    path, T = PathMoment(iteration.index, len(iteration.path.contacts)), iteration.path.T_cam_obj
+    shown.scene.show(space, look(space, {"simulated": T}, path=path))
+    np.testing.assert_allclose(shown.node("/cam/contact_points").points, contacts.points_cam, atol=1e-6)
+    lengths_m = FORCE_M * contacts.forces_n / branch.settings.physics.mass_kg
+    long = (lengths_m > 0.001) & (lengths_m < 0.1)
+    ends = contacts.points_cam + lengths_m[:, None] * contacts.normals_cam
+    arrows = shown.node("/cam/contacts").points
+    assert long.any()
+    for tail, tip in zip(contacts.points_cam[long], ends[long], strict=True):
+        assert np.abs(arrows - [tail, tip]).max(axis=(1, 2)).min() < 1e-6
+    assert shown.node(f"/cam/objects/{obj}/solid").opacity < 0.5
+    shown.scene.show(space, look(space, {"simulated": T}, path=path, scene=SceneLook(hidden=("contacts",))))
+    assert "/cam/contacts" not in shown.visible
+    assert own_body(space) in shown.visible
 
 
 def dragged(shown: Shown, T: np.ndarray) -> None:
@@ -139,7 +225,7 @@ def test_a_drag_is_sent_and_its_echo_does_not_move_the_gizmo(space: Workspace, s
     start = branch.run.iterations[0].accepted_stage.T_cam_obj
 
     def edit(T: Any) -> None:
-        shown.scene.show(space, Look(branch=branch.index, k=1, edited=tuple(float(x) for x in np.ravel(T))))
+        shown.scene.show(space, look(space, {"gizmo": T}))
 
     edit(start)
     gizmo = shown.node("/cam/gizmo")
@@ -162,13 +248,13 @@ def test_a_drag_is_sent_and_its_echo_does_not_move_the_gizmo(space: Workspace, s
     np.testing.assert_allclose(gizmo.position, (start @ middle)[:3, 3], atol=1e-5)
     edit(poses[1])  # A pose that it sent once, typed again.
     np.testing.assert_allclose(gizmo.position, (second @ middle)[:3, 3], atol=1e-5)
-    shown.scene.show(space, Look(branch=branch.index, k=1))
+    shown.scene.show(space, look(space, {"accepted": accepted(space)}))
     assert "/cam/gizmo" not in shown.server.scene._handle_from_node_name
 
 
 def test_a_click_into_the_cloud_gives_the_pixel(space: Workspace, shown: Shown) -> None:
-    shown.scene.show(space, Look(branch=space.work.first.index, k=1))
-    shown.scene.panel.hide("photo")
+    shown.scene.show(space, look(space, {"accepted": accepted(space)}, scene=SceneLook(hidden=("photo",))))
+    assert "/cam/photo" not in shown.visible
     observation = space.problem.observation
     assert observation.support is not None
     v, u = (int(x) for x in np.argwhere(observation.object_mask & (observation.depth_m > 0))[300])
@@ -184,16 +270,15 @@ def test_a_click_into_the_cloud_gives_the_pixel(space: Workspace, shown: Shown) 
 
 
 def test_clouds_colours(space: Workspace, shown: Shown) -> None:
-    branch = space.work.first
-    look = Look(branch=branch.index, k=ITERATIONS)
+    def show(scene: SceneLook) -> None:
+        shown.scene.show(space, look(space, {"accepted": accepted(space, ITERATIONS)}, scene=scene))
+
     seen = set()
-    for colors in ("photo", "distance to model", "normals", "class"):
-        shown.scene.panel._cloud.value = colors
-        shown.scene.show(space, look)
+    for colors in get_args(CloudColors):
+        show(SceneLook(cloud=colors))
         seen.add(shown.node("/cam/cloud").colors.tobytes())
     assert len(seen) == 4
-    shown.scene.panel._box.value = 1.0
-    shown.scene.show(space, look)
+    show(SceneLook(box=1.0))
     assert len(shown.node("/cam/cloud").points) < len(shown.scene._frame.cloud.points_cam)
 
 
@@ -227,8 +312,25 @@ def test_the_camera_goes_where_the_object_is_not_hidden() -> None:
     np.testing.assert_array_equal(least_hidden(ball, [], front), front)  # Nothing hides it: the view stays.
 
 
+def test_the_first_look_shows_the_object_a_third_as_high_as_the_pane(space: Workspace, shown: Shown) -> None:
+    shown.scene.show(space, look(space, {"accepted": accepted(space)}))
+    camera, support = shown.server.initial_camera, space.problem.observation.support
+    assert support is not None
+    model = space.problem.target(space.problem.instances[0].instance_id).model
+    points = apply(support.T_world_cam @ accepted(space), model.points)
+    eye = np.asarray(camera.position)
+    ahead = np.asarray(camera.look_at) - eye
+    ahead /= np.linalg.norm(ahead)
+    across = np.cross(ahead, [0.0, 0.0, 1.0])
+    across /= np.linalg.norm(across)
+    offsets = points - eye
+    seen = np.stack([offsets @ across, offsets @ np.cross(across, ahead)], axis=1) / (offsets @ ahead)[:, None]
+    share = np.ptp(seen, axis=0).max() / (2 * np.tan(camera.fov / 2))
+    assert 0.25 < share < 0.45
+
+
 def test_the_scene_is_one_page_and_the_same_each_time(space: Workspace, shown: Shown) -> None:
-    shown.scene.show(space, Look(branch=space.work.first.index, k=1))
+    shown.scene.show(space, look(space, {"accepted": accepted(space)}))
     page = shown.scene.page()
     assert page == shown.scene.page()
     assert len(page) > 500_000

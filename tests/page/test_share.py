@@ -20,9 +20,10 @@ from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.page import protocol as p
 from verefine_viz.page import share as sharing
+from verefine_viz.page.answers_to_wants import MapsAnswer, StoredArray
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.bundle import InlinedBlobs, bundle, part
-from verefine_viz.page.share import STEPS, opened, share, shared
+from verefine_viz.page.share import OF_COLOUR, STEPS, opened, share, shared
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.pixel_maps import maps
 from verefine_viz.page.workspace import Checks, Workspace
@@ -129,8 +130,11 @@ def mug(processes: None) -> Debugger:
 def test_more_maps_hold_all_that_fewer_do(mug: Debugger):
     wants = [{msgspec.json.encode(of) for of, _ in shared(mug, "", how).answers} for how in ("end", "marked", "all")]
     assert wants[0] < wants[1] <= wants[2]
-    obj, n = mug.space.problem.targets[0].instance.instance_id, mug.space.work.first.run.length
-    assert msgspec.json.encode({"what": "crops", "branch": 0, "k": n, "obj": obj}) in wants[0]
+    obj, made = (
+        mug.space.problem.targets[0].instance.instance_id,
+        mug.space.work.first.run.final_state.best[0].iteration,
+    )
+    assert msgspec.json.encode({"what": "crops", "branch": 0, "k": made}) in wants[0]
     assert {msgspec.json.encode(of) for of, _ in shared(mug, "", objects=[obj]).answers} == wants[1]
     few = [of for of, _ in shared(mug, "", objects=[]).answers]
     assert [of["what"] for of in few] == ["outlines"]
@@ -145,14 +149,17 @@ def test_maps_of_a_file_are_those_of_the_engine_to_the_digits_that_the_page_show
             continue
         exact = Blobs()
         live = maps(mug.space, msgspec.convert(of, p.MapsWanted), exact)
-        assert answer["score"] == live["score"]
-        sent, data = unpacked(elements, f"blob {answer['blob']}"), exact.data(live["blob"])
-        for (name, kind, offset, n, step), (_, exact_kind, at, _) in zip(answer["arrays"], live["arrays"], strict=True):
-            values, true = np.frombuffer(sent, kind, n, offset), np.frombuffer(data, exact_kind, n, at)
+        assert isinstance(answer, MapsAnswer)
+        assert answer.score == live.score
+        sent, data = unpacked(elements, f"blob {answer.blob}"), exact.data(live.blob)
+        for one, whole in zip(answer.arrays, live.arrays, strict=True):
+            step = one.step
+            values = np.frombuffer(sent, one.dtype, one.n, one.offset)
+            true = np.frombuffer(data, whole.dtype, whole.n, whole.offset)
             if step is None:
                 assert np.array_equal(values, true, equal_nan=True)
             else:
-                assert step <= STEPS[name][0]
+                assert step <= STEPS[one.name][0]
                 gone = values == np.iinfo(values.dtype).max
                 assert np.array_equal(gone, ~np.isfinite(true))
                 assert np.abs(step * values[~gone] - true[~gone]).max(initial=0) <= 0.51 * step
@@ -160,13 +167,25 @@ def test_maps_of_a_file_are_those_of_the_engine_to_the_digits_that_the_page_show
     assert compared > 50
 
 
+@pytest.mark.parametrize("weight", [0.0, 0.1])
+def test_maps_of_colour_are_in_a_file_where_colour_counts(processes: None, weight: float):
+    from verefine_viz.run.toolbox import Toolbox
+
+    session = load_session(None, {**MUG, "score": {"colour_weight": weight}})
+    debugger = Debugger(Workspace(session, None, Toolbox)).carry_out([p.RunVerb()])
+    made = [answer for _, answer in shared(debugger, "", "end").answers if isinstance(answer, MapsAnswer)]
+    assert made
+    assert all({one.name for one in answer.arrays}.issuperset(OF_COLOUR) == (weight > 0) for answer in made)
+
+
 def test_far_depth_is_held_with_fewer_digits_rather_than_cut():
     exact, far = Blobs(), np.array([0.0, 20.0, np.nan, 3.0], np.float32)
     key = exact.put(far.tobytes())
-    answer = sharing._rounded(exact.data(key), [["rendered", "float32", 0, 4]], blobs := InlinedBlobs())
-    (_, kind, offset, n, step) = answer["arrays"][0]
-    values = np.frombuffer(unpacked("".join(blobs.elements), f"blob {answer['blob']}"), kind, n, offset)
+    arrays, blobs = [StoredArray("rendered", "float32", 0, 4)], InlinedBlobs()
+    blob, (one,) = sharing._rounded(exact.data(key), arrays, blobs)
+    values = np.frombuffer(unpacked("".join(blobs.elements), f"blob {blob}"), one.dtype, one.n, one.offset)
     assert values[2] == np.iinfo(values.dtype).max
+    step = one.step or 0.0
     assert step * values[[0, 1, 3]] == pytest.approx([0, 20, 3], abs=step)
 
 

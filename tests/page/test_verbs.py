@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -58,18 +56,24 @@ def test_restart_that_discards_branches_asks_first(debugger: Debugger):
     with pytest.raises(p.UnconfirmedError, match="discards 1 other branch") as refused:
         debugger.carry_out([p.Restart()])
     assert len(debugger.space.branches) == 2
-    debugger.carry_out([read_verb(json.dumps(refused.value.offer["verb"]))])
+    debugger.carry_out([refused.value.verb])
     assert len(debugger.space.branches) == 1
 
 
 def test_every_number_among_the_settings_of_the_page_can_be_changed(debugger: Debugger):
     for setting in editable_settings(SESSION):
-        section, _, name = setting["name"].partition(".")
-        if setting["kind"] not in ("int", "float") or name in SURROUNDINGS:
+        section, _, name = setting.name.partition(".")
+        if setting.kind not in ("int", "float") or name in SURROUNDINGS:
             continue
-        value = setting["value"] + 1 if setting["kind"] == "int" else 0.9 * setting["value"] or 0.1
-        debugger.carry_out([p.Restart(debugger.space.work.first.index, {setting["name"]: value})])
-        assert getattr(getattr(debugger.space.work.first.settings, section), name) == value, setting["name"]
+        value = setting.value + 1 if setting.kind == "int" else 0.9 * setting.value or 0.1
+        debugger.carry_out([p.Restart(debugger.space.work.first.index, {setting.name: value})])
+        assert getattr(getattr(debugger.space.work.first.settings, section), name) == value, setting.name
+
+
+def test_a_setting_that_is_chosen_has_its_value_among_the_choices():
+    opened = structs.replace(SESSION, method=structs.replace(SESSION.method, name="trace"))
+    for setting in editable_settings(opened):
+        assert setting.choices is None or setting.value in setting.choices, setting.name
 
 
 def test_fork_shares_iterations_and_goes_on_from_the_edited_pose(debugger: Debugger):
@@ -162,3 +166,35 @@ def test_breakpoint_stops_a_run_and_says_where(debugger: Debugger, posted: Poste
     stopped = posted.of("running")[-1]["stopped"]
     assert branch.run.is_done or f"iteration {branch.run.length}:" in stopped
     assert posted.of("running")[-1]["branch"] is None
+
+
+def test_refining_begins_a_branch_at_that_pose_alone_and_a_saved_session_repeats_it():
+    debugger = Debugger(Workspace(SESSION, None, FakeTools, frame="0/2")).carry_out([p.RunVerb()])
+    first = debugger.space.work.first
+    end, answers = first.run.length, first.run.best_at(first.run.length)
+    with pytest.raises(p.UnconfirmedError, match="no iteration is left") as refused:
+        debugger.carry_out([p.Fork(end, edit=p.EditedPose(0, 0, T_MOVED))])
+    debugger.carry_out([refused.value.verb])
+    new = list(debugger.space.branches.values())[1]
+    pools = [[h.T_cam_obj.ravel().tolist() for h in t.instance.hypotheses] for t in new.run.problem.targets]
+    assert pools == [[list(T_MOVED)], [answers[1].T_cam_obj.ravel().tolist()]]
+    assert new.run.is_done
+    assert new.run.length == 2 * SESSION.method.iterations
+    assert first.run.length == end
+    saved = FakeTools(debugger.space.session_of(new))
+    again = saved.run(saved.problem("0/2"))
+    again.finish()
+    assert records(debugger)[new.index] == [_plain(i) for i in again.iterations]
+    replayed = Debugger(Workspace(SESSION, None, FakeTools, frame="0/2")).carry_out(debugger.log)
+    assert records(replayed)[new.index] == records(debugger)[new.index]
+
+
+def test_other_objects_begin_where_they_stood_and_a_restart_goes_back_to_the_session():
+    debugger = Debugger(Workspace(SESSION, None, FakeTools, frame="0/2"))
+    debugger.carry_out([p.Step(), p.Refine(1, T_MOVED, 1)])
+    first, new = debugger.space.branches.values()
+    ids = [i.instance_id for i in first.run.iterations]
+    assert [len(t.instance.hypotheses) for t in new.run.problem.targets] == [1 if 0 in ids else 3, 1]
+    debugger.carry_out([p.Restart(new.index, discard=True)])
+    assert [len(t.instance.hypotheses) for t in debugger.space.problem.targets] == [3, 3]
+    assert debugger.space.work.first.tools.session.starts == ()

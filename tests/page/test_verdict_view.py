@@ -11,8 +11,14 @@ import pytest
 
 from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier
+from tests.made_runs import answer
 from tests.page.fake_tools import FakeTools
+from tests.received import received
+from verefine_viz.core.accuracy import PoseErrors
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause, cause_title
+from verefine_viz.core.doubt import Doubt, DoubtKind
+from verefine_viz.core.finding import Finding
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import (
     ANSWER,
@@ -24,19 +30,17 @@ from verefine_viz.core.problem import (
     Problem,
     RecordedStep,
     Target,
-)  # fmt: skip
+)
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
-from verefine_viz.diagnosis.causes import Cause, cause_title
 from verefine_viz.diagnosis.lost_poses import Discarded
 from verefine_viz.diagnosis.signs import FinishedObject
-from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.methods.registry import make_method
 from verefine_viz.page import protocol as p
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views import verdict as view
-from verefine_viz.page.views.physics import RAISED_M, doubts_of, height_above_plane_m
+from verefine_viz.page.views.physics_doubts import RAISED_M, doubts_of, height_above_plane_m
 from verefine_viz.page.workspace import Workspace
 
 TRUE: dict[bytes, Float] = {}
@@ -101,8 +105,8 @@ def run(tools: type[FakeTools] = FakeTools, name: str = "rir", frame: str = "0/1
     return Debugger(Workspace(session, None, tools, frame=frame)).carry_out([p.RunVerb()]).space.work.first
 
 
-def judged(branch: Branch, o: FinishedObject) -> dict[str, Any]:
-    return view._object(branch, o, None)
+def judged(branch: Branch, o: FinishedObject, by_batch: Any = None) -> dict[str, Any]:
+    return received(view._object(branch, o, by_batch))
 
 
 def off(mm: float, relative: float) -> PoseErrors:
@@ -112,18 +116,18 @@ def off(mm: float, relative: float) -> PoseErrors:
 def test_right_wrong_and_unknown():
     for tools, tone in ((FakeTools, "right"), (Astray, "wrong"), (Blind, "unknown")):
         branch = run(tools)
-        (shown,) = view.verdict_message(branch)["objects"]
+        (shown,) = received(view.verdict_message(branch))["objects"]
         best = branch.run.final_state.best[0]
         assert shown["tone"] == tone
         assert shown["T"] == best.T_cam_obj.ravel().tolist()
         assert (shown["err"] is None) == (tools is Blind)
         assert (shown["k"], shown["arm"], shown["score"]) == (best.iteration, best.arm, best.score.score)
     unfinished = Debugger(Workspace(Session(), None, FakeTools)).carry_out([p.Step()]).space.work.first
-    assert view.verdict_message(unfinished)["objects"] == []
+    assert view.verdict_message(unfinished).objects == []
 
 
 def test_of_several_objects_the_worst_is_named():
-    right, wrong = (view.verdict_message(run(tools, frame="0/2")) for tools in (FakeTools, Astray))
+    right, wrong = (received(view.verdict_message(run(tools, frame="0/2"))) for tools in (FakeTools, Astray))
     assert (right["scene"]["tone"], right["scene"]["words"]) == ("right", "2 of 2 right")
     assert (wrong["scene"]["tone"], wrong["scene"]["words"]) == ("wrong", "0 of 2 right")
     errors = {o["obj"]: o["err"] / o["limit"] for o in wrong["objects"]}
@@ -150,9 +154,12 @@ def test_without_ground_truth_the_least_certain_axis_is_named():
         (25.0, "turn about the vertical undetermined within ±25°"),
         (0.3, "a pose 31 mm away fits as well"),
     ):
-        widest = SimpleNamespace(describe=lambda words=words: words, width=width, axis=SimpleNamespace(steps=(1.5,)))
-        around: Any = SimpleNamespace(least_certain=widest)
-        shown = judged(branch, replace(own, around=around, other_pose=other))
+        axis = SimpleNamespace(kind="turn")
+        widest = SimpleNamespace(describe=lambda words=words: words, width=width, axis=axis)
+        allowed: Any = SimpleNamespace(
+            least_certain=widest, furthest=other, radius_mm=80.0, extents=(), alike=(), score=0.8
+        )
+        shown = judged(branch, replace(own, allowed=allowed))
         assert (shown["tone"], shown["words"]) == ("doubt", words)
         assert shown["also_fits"] == np.eye(4).ravel().tolist()
 
@@ -172,8 +179,11 @@ def test_a_correct_pose_that_was_given_up_is_named_with_its_margin():
 def test_data_in_doubt_come_before_every_cause(monkeypatch: pytest.MonkeyPatch):
     branch = run(Astray)
     (own,) = view.finished_objects(branch)
-    monkeypatch.setattr(Branch, "doubts", lambda self: ("cam_K does not fit",))
-    assert judged(branch, own)["words"] == view.DATA_DOUBTED
+    of_another, of_all = (Doubt(DoubtKind.CAMERA, "cam_K does not fit", short="K", instances=own) for own in ((7,), ()))
+    monkeypatch.setattr(Branch, "doubts", lambda self: (of_another,))
+    assert judged(branch, own)["words"] != "look at the data first: K"
+    monkeypatch.setattr(Branch, "doubts", lambda self: (of_all,))
+    assert judged(branch, own)["words"] == "look at the data first: K"
 
 
 # Objects that stand on others, where every object is settled on the support plane alone.
@@ -231,22 +241,23 @@ def test_methods_that_know_of_it_or_do_not_simulate_say_nothing():
 def test_the_batch_s_cause_stands_first_and_is_not_repeated():
     branch = run(Astray)
     (own,) = view.finished_objects(branch)
-    alone = view._object(branch, own, None)
+    alone = judged(branch, own)
     known = alone["findings"][0]["cause"]
     more = len(alone["findings"]) + 1
     for cause, n in ((Cause.BUDGET, more), ("of_another_version", more), (known, more - 1)):
-        row = SimpleNamespace(cause=str(cause), evidence="by re-runs", worst_iteration=2)
-        shown = view._object(branch, own, row)
+        row = answer(findings=(Finding(cause, "by re-runs", iteration=1),), worst_iteration=2)
+        shown = judged(branch, own, row)
         assert len(shown["findings"]) == n
         assert shown["words"] == cause_title(cause)
-        assert shown["findings"][0]["by_batch"] == (cause != known)
+        first = shown["findings"][0]
+        assert (first["cause"], first["by_batch"], first["k"]) == (cause, cause != known, 2)
 
 
 def test_without_ground_truth_an_answer_that_the_batch_doubts_is_no_answer_without_a_doubt():
     branch = run(FakeTools)
     (own,) = view.finished_objects(branch)[:1]
     unknown = replace(own, errors=None, score_at_gt=None)
-    assert view._object(branch, unknown, None)["tone"] == "unknown"
-    row = SimpleNamespace(cause=str(Cause.IMPOSSIBLE), evidence="12 mm in the table", worst_iteration=None)
-    shown = view._object(branch, unknown, row)
+    assert judged(branch, unknown)["tone"] == "unknown"
+    row = answer(findings=(Finding(Cause.IMPOSSIBLE, "12 mm in the table"),))
+    shown = judged(branch, unknown, row)
     assert (shown["tone"], shown["words"]) == ("doubt", cause_title(Cause.IMPOSSIBLE))

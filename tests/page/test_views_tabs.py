@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -14,6 +13,7 @@ from tests.fakes import FakeRefiner
 from tests.page.conftest import SESSION
 from tests.page.fake_tools import FakeTools
 from tests.page.recorded import Numbered, record
+from tests.received import received
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED
@@ -22,12 +22,12 @@ from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.moment import pose_matrix
+from verefine_viz.page.protocol import Standing, pose_matrix
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.branch_list import branches_message
 from verefine_viz.page.views.grasp import grasp
-from verefine_viz.page.views.rows import pose_list
 from verefine_viz.page.wants import ANSWERS
+from verefine_viz.page.wire import pose_numbers
 from verefine_viz.page.workspace import Checks, Workspace
 from verefine_viz.physics.plausibility import plausibility
 from verefine_viz.physics.proximity import overlap
@@ -36,8 +36,10 @@ from verefine_viz.run.compare import aligned, departures, outcomes
 
 def asked(debugger: Debugger, want: p.Wanted) -> dict[str, Any]:
     """Return a view's answer as a browser gets it."""
-    answer = ANSWERS[type(want)](debugger.space, want, debugger.blobs)
-    return msgspec.json.decode(msgspec.json.encode(answer))
+    answer = received(ANSWERS[type(want)](debugger.space, want, debugger.blobs))
+    kind = want.part if isinstance(want, p.LandscapeWanted) else type(want).__struct_config__.tag
+    assert answer["what"] == kind, "the browser knows an answer's keys by what it asked for"
+    return answer
 
 
 @pytest.fixture
@@ -75,14 +77,16 @@ def test_two_runs_compare_as_the_engine_says(opened: Callable[..., Debugger]):
 def test_physics_says_of_every_object_what_the_check_says(opened: Callable[..., Debugger]):
     d = opened(p.Seek(3), frame="0/2")
     branch = d.space.work.first
-    answer = asked(d, p.PhysicsWanted(k=3))
     problem, iteration = d.space.problem, branch.run.iterations[2]
-    assert [o["obj"] for o in answer["objects"]] == [i.instance_id for i in problem.instances]
+    obj, T = iteration.instance_id, iteration.accepted_stage.T_cam_obj
+    other = next(i.instance_id for i in problem.instances if i.instance_id != obj)
+    best = branch.run.best_at(3)[other]
+    stands = (Standing(obj, pose_numbers(T)), Standing(other, pose_numbers(best.T_cam_obj), True))
+    answer = asked(d, p.PhysicsWanted(obj, k=3, poses=(("accepted", pose_numbers(T)),), stands=stands, path=3))
+    assert {o["obj"] for o in answer["objects"]} == {i.instance_id for i in problem.instances}
     after = answer["poses"][-1]
     assert after["name"] == "accepted"
-    own = Placed(iteration.instance_id, problem.target(iteration.instance_id).model, iteration.accepted_stage.T_cam_obj)
-    other = next(i.instance_id for i in problem.instances if i.instance_id != iteration.instance_id)
-    best = branch.run.best_at(3)[other]
+    own = Placed(obj, problem.target(obj).model, T)
     assert problem.observation.support is not None
     known = plausibility(own, [Placed(other, problem.target(other).model, best.T_cam_obj)], problem.observation.support)
     assert after["gap_mm"] == known.gap_mm
@@ -98,8 +102,8 @@ def test_physics_of_an_edited_pose_is_about_that_pose(opened: Callable[..., Debu
     d = opened(p.RunVerb())
     T = np.array(d.space.problem.instances[0].T_cam_obj_gt)
     T[1, 3] -= 0.05  # The camera's y points down.
-    n = d.space.work.first.run.length
-    answer = asked(d, p.PhysicsWanted(k=n, obj=0, edited=tuple(pose_list(T))))
+    stands = (Standing(0, pose_numbers(T)),)
+    answer = asked(d, p.PhysicsWanted(0, poses=(("edited", pose_numbers(T)),), stands=stands, alone=True))
     assert [pose["name"] for pose in answer["poses"]][-1] == "edited"
     assert answer["poses"][-1]["gap_mm"] == pytest.approx(50, abs=1)
     assert answer["poses"][-1]["tone"] == "red"
@@ -110,17 +114,17 @@ def test_landscape_has_the_scores_of_its_poses(opened: Callable[..., Debugger]):
     run = d.space.work.first.run
     target, T_best = run.problem.targets[0], run.final_state.best[0].T_cam_obj
     verifier = d.space.tools.verifier
-    curves = asked(d, p.LandscapeWanted(0, k=run.length))["curves"]
+    curves = asked(d, p.LandscapeWanted(0, pose_numbers(T_best), k=run.length))["curves"]
     assert len(curves) == 12
     for curve in curves[::5]:
         poses = np.array([pose_matrix(T) for T in curve["poses"]])
         assert verifier.score(target, poses).score == pytest.approx(curve["scores"])
         assert poses[curve["offsets"].index(0.0)] == pytest.approx(T_best, abs=1e-12)
-    two = asked(d, p.LandscapeWanted(0, k=run.length, part="slice", axes=(0, 1)))
+    two = asked(d, p.LandscapeWanted(0, pose_numbers(T_best), k=run.length, part="slice", axes=(0, 1)))
     middle = len(two["scores"]) // 2
     assert pose_matrix(two["poses"][middle][middle]) == pytest.approx(T_best)
     assert two["scores"][middle][middle] == pytest.approx(run.final_state.best[0].score.score)
-    assert asked(d, p.LandscapeWanted(0, k=run.length, part="other"))["other"] is None
+    assert asked(d, p.LandscapeWanted(0, pose_numbers(T_best), k=run.length, part="other"))["other"] is None
 
 
 def test_frames_that_were_solved_are_a_track(opened: Callable[..., Debugger]):
@@ -141,10 +145,10 @@ def test_frames_that_were_solved_are_a_track(opened: Callable[..., Debugger]):
 
 def test_a_refiner_that_is_not_learned_saw_nothing(opened: Callable[..., Debugger]):
     d = opened(p.RunVerb())
-    answer = asked(d, p.CropsWanted(k=3, obj=0))
+    answer = asked(d, p.CropsWanted(3))
     assert answer["steps"] == []
     assert "not learned" in answer["empty"]
-    assert not branches_message(d.space)["list"][0]["explains"]
+    assert not branches_message(d.space).list[0].explains
 
 
 class Explaining(Numbered):
@@ -164,17 +168,17 @@ def test_the_refiner_of_a_recording_shows_what_it_saw(tmp_path: Path):
     path = record(tmp_path / "run.rrd", Session(method=MethodSettings(iterations=1)))
     d = Debugger(Workspace(SESSION, None, Explaining, recording=path))
     branch = d.space.work.first
-    answer = asked(d, p.CropsWanted(k=1, obj=branch.run.iterations[0].instance_id, branch=branch.index))
+    answer = asked(d, p.CropsWanted(1, branch.index))
     assert (answer["empty"], len(answer["steps"])) == ("", 1)
-    assert branches_message(d.space)["list"][0]["explains"]
+    assert branches_message(d.space).list[0].explains
 
 
 @pytest.mark.usefixtures("processes")
 def test_a_grasp_is_cached_for_the_3d_view(opened: Callable[..., Debugger]):
     d = opened(p.RunVerb())
     T = d.space.work.first.run.final_state.best[0].T_cam_obj
-    verb = p.Evaluate("1", "grasp", 0, tuple(pose_list(T)))
-    answer = grasp(d.space, verb, d.blobs, NEVER_CANCELLED)
+    verb = p.Evaluate("1", "grasp", 0, pose_numbers(T))
+    answer = received(grasp(d.space, verb, d.blobs, NEVER_CANCELLED))
     problem, settings = d.space.problem, d.space.work.first.settings.grasp
     pair = d.space.grasps.known(problem, settings, 0, T)
     assert pair is not None

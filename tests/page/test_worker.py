@@ -10,9 +10,11 @@ import pytest
 
 from tests.page.conftest import SESSION
 from tests.page.fake_tools import FakeTools
+from tests.received import received
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.page import protocol as p
+from verefine_viz.page.run_messages import RunMessage
 from verefine_viz.page.worker import Job, Jobs, Worker
 
 OPENING = "Preparing the convex parts of a mug for physics"
@@ -57,7 +59,7 @@ def work():
         handlers.append(SlowHandler(progress))
         return handlers[0]
 
-    worker = Worker(jobs, lambda message, window: messages.append((window, message)), open_handler)
+    worker = Worker(jobs, lambda message, window: messages.append((window, received(message))), open_handler)
     worker.thread.start()
     worker.ready.wait(10)
     yield jobs, messages, handlers[0]
@@ -74,7 +76,7 @@ def test_an_opening_that_is_cancelled_ends_in_one_line() -> None:
         progress.checkpoint(OPENING)
         return SlowHandler(progress)
 
-    worker = Worker(jobs, lambda message, window: messages.append(message), open_handler)
+    worker = Worker(jobs, lambda message, window: messages.append(received(message)), open_handler)
     worker.thread.start()
     worker.thread.join(10)
     assert worker.ready.is_set()
@@ -124,14 +126,15 @@ def test_of_the_wants_of_a_slot_the_latest_wins_for_each_window(work):
     jobs.put(Job(1, p.Open(frame="0/2")))
     handler.begun.wait(10)
     for k in range(50):
-        jobs.put(Job(1 + k % 2, p.Want(str(k), p.PhysicsWanted(k=k), "physics")))
-    jobs.put(Job(1, p.Want("other", p.PhysicsWanted(k=99))))
-    jobs.put(Job(1, p.Look(k=1)))
+        jobs.put(Job(1 + k % 2, p.Want(str(k), p.PhysicsWanted(0, k=k), "physics")))
+    jobs.put(Job(1, p.Want("other", p.PhysicsWanted(0, k=99))))
+    jobs.put(Job(1, p.Look(k=1, camera="sensor")))
     jobs.put(Job(1, p.Look(k=2)))
     handler.go.set()
     jobs.wait_until_idle(10)
     assert [verb.id for verb in handler.done if isinstance(verb, p.Want)] == ["48", "49", "other"]
-    assert [verb.k for verb in handler.done if isinstance(verb, p.Look)] == [2]
+    looks = [(verb.k, verb.camera) for verb in handler.done if isinstance(verb, p.Look)]
+    assert looks == [(2, "sensor")]  # Where the camera is to go is not lost.
 
 
 def test_faults_become_one_message_to_the_window_that_asked(work):
@@ -151,8 +154,8 @@ def test_two_windows_see_one_run(open_page):
     rows: dict[int, list[int]] = {}
 
     def post(message, window=None):
-        if message["t"] == "run":
-            rows.setdefault(window or 0, []).extend(row["k"] for row in message["rows"])
+        if isinstance(message, RunMessage):
+            rows.setdefault(window or 0, []).extend(row.k for row in message.rows)
 
     app.worker.handler.post = post
     app._receive(1, None)

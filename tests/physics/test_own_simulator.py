@@ -179,6 +179,25 @@ def test_what_a_part_raises_names_it_and_the_line(monkeypatch: pytest.MonkeyPatc
             call()
 
 
+def test_a_part_that_writes_into_what_it_is_given_reads_that_it_needs_a_copy(monkeypatch: pytest.MonkeyPatch):
+    class Sorts:
+        def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+            target.instance.points_cam.sort(axis=0)
+            return T_cam_obj
+
+    class Open3d:
+        def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+            raise ValueError("array is not writeable")
+
+    (target,) = box_problem(n_hypotheses=1).targets
+    target.instance.points_cam.setflags(write=False)
+    for kind in (Sorts, Open3d):
+        monkeypatch.setitem(REFINERS, "writes", None)
+        vv.refiner("writes")(kind)
+        with pytest.raises(PartError, match=r"read-only, as all calls share them: hand on a copy, np.array\(x\)$"):
+            make_refiner("writes", Session()).refine(target, target.instance.hypotheses[0].T_cam_obj)
+
+
 def test_answers_of_refiners_and_estimators_are_checked(monkeypatch: pytest.MonkeyPatch):
     class Wrong:
         def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:

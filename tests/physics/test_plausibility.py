@@ -56,9 +56,11 @@ def test_gap_and_penetration_of_the_plane_are_exact(judge, height_mm: float):
     found = judge(placed(BRICK, (0, 0, 0.05 + height_mm * 1e-3)))
     assert found.gap_mm == pytest.approx(max(height_mm, 0), abs=0.01)
     assert found.penetration_mm == pytest.approx(max(-height_mm, 0), abs=0.01)
+    # 5 mm, 5 % of the height of 100 mm, and half the diagonal of its base, 36.1 mm, at 2.5°.
+    assert found.tolerance_mm == pytest.approx(11.57, abs=0.01)
     # Contacts deep inside a surface do not tell how it would stand.
-    assert (found.is_stable is None) == (found.penetration_mm > 5)
-    if abs(height_mm) > 5.01:
+    assert (found.is_stable is None) == (found.penetration_mm > found.tolerance_mm)
+    if height_mm > 5.01 or height_mm < -11.6:
         assert found.light == "red"
         assert found.sentence.startswith("Floats" if height_mm > 0 else "Sinks")
         assert f"{max(found.gap_mm, found.penetration_mm):.1f} mm" in found.sentence
@@ -120,6 +122,24 @@ def test_on_an_edge_it_falls(judge):
     assert len(found.polygon_cam) == 2
     assert found.margin_mm == pytest.approx(-20 / np.sqrt(2), abs=0.01)
     assert found.light == "red"
+
+
+def test_what_leans_as_much_as_depth_may_measure_stands(judge):
+    """It touches at an edge, like ground truth of real frames."""
+    for lean_deg, light in ((2.4, "amber"), (3, "amber"), (6, "red")):
+        R = axis_angle([0, 1, 0], np.deg2rad(lean_deg))
+        found = judge(standing(BRICK, R))
+        assert (found.light, found.is_stable) == (light, light == "amber"), lean_deg
+        assert found.gap_mm == pytest.approx(0, abs=1e-6)
+
+
+def test_either_of_two_that_overlap_is_allowed_what_the_taller_explains(judge):
+    tall = box(0.06, 0.06, 0.24)
+    on_it = placed(tall, (0, 0, 0.04 + 0.12 - 0.014), instance_id=4)
+    for one, other in ((standing(PLATE), on_it), (on_it, standing(PLATE))):
+        found = judge(one, other)
+        assert (found.penetrates, found.light) == (other.instance_id, "amber")
+        assert found.tolerance_mm == pytest.approx(5 + 12 + 1e3 * 0.03 * np.sqrt(2) * np.sin(np.deg2rad(2.5)), abs=0.01)
 
 
 def test_incline_of_20_degrees_holds_for_half_and_slips_for_a_third(judge):

@@ -17,7 +17,7 @@ from verefine_viz.core.palette import CLASS_COLORS
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.scores import PixelGrid, ScoreMaps
 from verefine_viz.core.settings import ScoreSettings
-from verefine_viz.evaluation.landscape import N_AXES
+from verefine_viz.evaluation.pose_axes import N_AXES
 from verefine_viz.methods.registry import make_method
 from verefine_viz.recording import entities
 from verefine_viz.recording.maps import GAP_PX, MAP_NAMES, TILE_PX

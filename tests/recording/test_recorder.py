@@ -12,11 +12,13 @@ from tests.recording.runs import n_drawn, new_run, recorded_run, session
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.pose_errors import pose_errors
-from verefine_viz.recording.entities import CURVES
+from verefine_viz.recording.entities import CHOICE, CURVES
+from verefine_viz.recording.iteration_text import plain
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.recording.verify import first_difference
+from verefine_viz.run.iteration_words import sentence
 from verefine_viz.run.run_file import RunFile
 
 pytestmark = pytest.mark.usefixtures("processes")
@@ -61,6 +63,17 @@ def curve(path: Path, entity: str) -> list[list[float]]:
     """The numbers of a group of curves, iteration by iteration."""
     chunks: list[Any] = [c for c in chunks_of(path) if c.entity_path == entity and not c.is_static]
     return [row for c in chunks for row in c.to_record_batch().column("Scalars:scalars").to_pylist()]
+
+
+def test_the_panel_says_of_an_iteration_what_the_page_says(tmp_path: Path) -> None:
+    run = recorded_run(tmp_path / "run.rrd", session("rir", maps=False))
+    labels = {0: "0_box", 1: "1_box", 2: "2_box"}
+    chunks: list[Any] = [c for c in chunks_of(tmp_path / "run.rrd") if c.entity_path == CHOICE and not c.is_static]
+    texts = [text for c in chunks for text in c.to_record_batch().column("TextDocument:text").to_pylist()]
+    for (text,), one in zip(texts, run.iterations, strict=True):
+        words = sentence(one, run.problem.target(one.instance_id), session().method.refiner, labels)
+        assert plain(words) in text, one.index
+        assert "Accepted: " in words
 
 
 def test_a_run_that_is_left_early_is_drawn_as_far_as_it_went(tmp_path: Path) -> None:

@@ -17,10 +17,11 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verify import Verification, run_again, verify
-from verefine_viz.run import record
+from verefine_viz.run import run_header
 from verefine_viz.run.engine import Run
-from verefine_viz.run.record import RunRecord, session_of
+from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import RunFile, read_run_file, write_record
+from verefine_viz.run.run_header import session_of
 from verefine_viz.run.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("processes")
@@ -175,7 +176,7 @@ def test_a_recording_whose_writer_was_killed_is_said_to_end_early(tmp_path: Path
 
 
 def test_another_version_is_named_as_the_reason_of_rounding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(record, "versions", lambda session: {"numpy": "0.0.1"})
+    monkeypatch.setattr(run_header, "versions", lambda weights: {"numpy": "0.0.1"})
     path = record_changed(tmp_path, 3, lambda i: moved(i, next_number))
     found = verify(path, again).difference
     assert found is not None

@@ -11,7 +11,7 @@ from tests.rendering.witness import disturbed, target_of
 from verefine_viz.calibration.outlines import _draw
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.learned.depth_crops import crops_at, extent_of, fill_crop
-from verefine_viz.page.views.pose_outlines import _drawn, _silhouette
+from verefine_viz.pictures.silhouettes import _drawn, _silhouette
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.rendering.mesh import render_mesh
 from verefine_viz.rendering.rasterizer import draw, draw_depth

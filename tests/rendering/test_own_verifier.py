@@ -17,6 +17,7 @@ from verefine_viz.core.errors import InputError, SettingsError, ShapeError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import EQ_1, ScoreSettings, Session
+from verefine_viz.evaluation.allowed_search import allowed_poses
 from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.page.protocol import Fork, MapsWanted, RunVerb
 from verefine_viz.page.verbs import Debugger
@@ -164,14 +165,15 @@ def test_the_score_around_a_pose_is_its_own_and_its_noise_that_of_images() -> No
     toolbox = Toolbox(session())
     (target,) = toolbox.problem(toolbox.frames[0]).targets
     assert target.instance.T_cam_obj_gt is not None
-    theirs = landscape(toolbox.verifier, target, target.instance.T_cam_obj_gt)
-    ours = landscape(CpuVerifier(ScoreSettings()), target, target.instance.T_cam_obj_gt)
+    T_gt, eq_1 = target.instance.T_cam_obj_gt, CpuVerifier(ScoreSettings())
+    theirs = landscape(toolbox.verifier, target, allowed_poses(toolbox.verifier, target, T_gt))
+    ours = landscape(eq_1, target, allowed_poses(eq_1, target, T_gt))
     assert theirs.score == ours.score
     for one, other in zip(theirs.curves, ours.curves, strict=True):
         assert np.array_equal(one.scores, other.scores)
         # Two poses' scores are taken to share nothing of the noise, so that more is undetermined, not less.
-        assert one.width >= 0.5 * other.width
-    assert 0.2 < theirs.undetermined_mm / ours.undetermined_mm < 10
+        assert one.extent.width >= 0.5 * other.extent.width
+    assert 0.2 < theirs.allowed.undetermined_mm / ours.allowed.undetermined_mm < 10
 
 
 @pytest.mark.usefixtures("processes")
@@ -184,7 +186,7 @@ def test_the_page_steps_it_beside_eq_1_and_says_that_it_has_no_maps() -> None:
     assert own[-1].best.T_cam_obj.tobytes() == eq_1[-1].best.T_cam_obj.tobytes()
     T = tuple(own[-1].best.T_cam_obj.ravel().tolist())
     obj = debugger.space.problem.instances[0].instance_id
-    assert maps(debugger.space, MapsWanted(0, 1, obj, T), debugger.blobs)["arrays"]
+    assert maps(debugger.space, MapsWanted(0, 1, obj, T), debugger.blobs).arrays
     with pytest.raises(InputError, match=r"^own gives a score, and no maps of it\.$"):
         maps(debugger.space, MapsWanted(1, 1, obj, T), debugger.blobs)
 

@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.changing import replace
-from tests.made_runs import answer
+from tests.made_runs import answer, because
 from tests.report.runs import row
 from tests.report.sections import NO_ANSWER, WRONG, group, section_of
+from verefine_viz.page.gallery_messages import BestGroup
 from verefine_viz.report.bop_recalls import BopRecalls
 from verefine_viz.report.group_numbers import (
     THRESHOLDS,
@@ -68,6 +69,13 @@ def test_an_object_without_an_answer_is_missed_and_so_are_those_of_failed_frames
     unknown = answer(scene_id=1, im_id=9, status="failed", message="no depth")
     assert value(line(row(1), unknown), "recall") == 1.0
     assert line(unknown).numbers == {}
+
+
+def test_right_as_far_as_the_image_shows_is_a_share_of_its_own_where_it_was_worked_out() -> None:
+    known = row(1, right_seen=True), row(2, **WRONG, right_seen=True), row(3, **WRONG, right_seen=False)
+    found = line(*known, row(4, **NO_ANSWER))
+    assert (value(found, "recall"), value(found, "recall_seen")) == (1 / 4, 2 / 4)
+    assert "recall_seen" not in line(row(1), row(2, **WRONG), row(3, **NO_ANSWER)).numbers
 
 
 def test_without_ground_truth_there_are_scores_and_times_alone() -> None:
@@ -131,30 +139,33 @@ def test_stages_are_those_of_a_frame_with_the_iterations_split_up() -> None:
 
 
 def test_objects_have_their_numbers_in_each_group_and_their_most_frequent_cause() -> None:
-    pir = group("pir", (row(1, 0, cause="pool", **WRONG), row(2, 0, cause="score", **WRONG), row(1, 1)))
-    rir = group("rir", (row(1, 0), row(2, 0, cause="score", **WRONG)))
+    pir = group(
+        "pir", (row(1, 0, findings=because("pool"), **WRONG), row(2, 0, findings=because("score"), **WRONG), row(1, 1))
+    )
+    rir = group("rir", (row(1, 0), row(2, 0, findings=because("score"), **WRONG)))
     bop = BopRecalls({(pir.runs[0].folder, "1/1", 1): (1, 0.25), (pir.runs[0].folder, "1/2", 1): (3, 0.75)})
     found = compare(section_of(pir, rir), bop)
     first, second = object_numbers(found)
-    assert (first["id"], first["name"]) == (1, "object 1")
-    assert [(cell["n"], cell["right"], cell["ar"]) for cell in first["cells"]] == [(2, 0.0, 62.5), (2, 50.0, None)]
-    assert first["cells"][1]["cause"] == "score ranks a wrong pose above the ground truth"
-    assert (first["cells"][0]["median_mm"], first["cells"][1]["median_mm"]) == (40.0, 21.0)
-    assert [None if cell is None else cell["right"] for cell in second["cells"]] == [100.0, None]
+    assert (first.id, first.name) == (1, "object 1")
+    assert [(cell.n, cell.right, cell.ar) for cell in first.cells] == [(2, 0.0, 62.5), (2, 50.0, None)]
+    assert first.cells[1].cause == "score ranks a wrong pose above the ground truth"
+    assert (first.cells[0].median_mm, first.cells[1].median_mm) == (40.0, 21.0)
+    assert [None if cell is None else cell.right for cell in second.cells] == [100.0, None]
     assert found.lines[0].numbers["ar"].value == pytest.approx(0.625)
 
 
 def test_hard_is_what_most_groups_get_wrong_with_most_seeds() -> None:
-    always = row(1, 0, cause="pool", **WRONG)
+    always = row(1, 0, findings=because("pool"), **WRONG)
     sometimes = row(1, 1, **WRONG), row(1, 1), row(1, 1)
     groups = [
         group(name, *((always, other) if name != "rir" else (row(1, 0), other) for other in sometimes))
         for name in ("pir", "sir", "rir")
     ]
-    (hard,) = hardest(section_of(*groups))
-    assert (hard["frame"], hard["row"].instance_id, hard["wrong_groups"], hard["groups"]) == ("1/1", 0, 2, 3)
-    assert (hard["best"], hard["right"], hard["n"]) == (["rir", 3, 3], 3, 9)
-    assert hard["cause"] == "no good hypothesis in the pool"
+    rows = [one for named in groups for one in named.rows]
+    (hard,) = hardest(section_of(*groups), {id(one): key for key, one in enumerate(rows)})
+    assert (hard.frame, rows[hard.key].instance_id, hard.wrong_groups, hard.groups) == ("1/1", 0, 2, 3)
+    assert (hard.best, hard.right, hard.n) == (BestGroup("rir", 3, 3), 3, 9)
+    assert hard.cause == "no good hypothesis in the pool"
 
 
 def test_a_score_misleads_as_often_as_a_wrong_answer_scores_above_a_right_one() -> None:

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.made_runs import answer
+from tests.made_runs import answer, because
 from tests.report.pages import GONE, messages, parts, report, section
 from tests.report.runs import row, write_run
 from verefine_viz import cli
+from verefine_viz.commands.report import report_tools
 from verefine_viz.page.thumbnails import Painter
 from verefine_viz.report.write_report import write_report
 from verefine_viz.run.session_file import resolve
@@ -24,9 +25,9 @@ def sweep(folder: Path, methods: tuple[str, ...], n_seeds: int, n_frames: int, n
     for k, method in enumerate(methods):
         for seed in range(n_seeds):
             errors = np.random.default_rng(seed).gamma(1.0, 4.0 + 2 * k, (n_frames, n_objects))
-            why = {True: {"cause": "pool", "evidence": "All were far off."}, False: {}}
+            why = {True: because("pool", "All were far off."), False: ()}
             rows = [
-                row(f, i, add_s_mm=float(error), method=method, **why[bool(error >= 10)])
+                row(f, i, add_s_mm=float(error), method=method, findings=why[bool(error >= 10)])
                 for (f, i), error in np.ndenumerate(errors)
             ]
             settings = {"method": {"name": method, "seed": seed}, "hypotheses": {"seed": seed}}
@@ -62,7 +63,7 @@ def test_without_its_data_set_a_report_has_everything_but_pictures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = write_run(
-        tmp_path / "a", [row(1), row(2, add_s_mm=40.0, cause="pool", evidence="All were far off.")], GONE
+        tmp_path / "a", [row(1), row(2, add_s_mm=40.0, findings=because("pool", "All were far off."))], GONE
     )
     path = made(folder)
     said = capsys.readouterr().out
@@ -88,7 +89,7 @@ def test_the_same_runs_make_the_same_file(tmp_path: Path) -> None:
 def test_what_files_say_is_text(tmp_path: Path) -> None:
     name = "</script><b>object</b>"
     for method in ("rir", "sir"):
-        rows = [row(1, name=name, add_s_mm=40.0, cause="odd", evidence="<!--why")]
+        rows = [row(1, name=name, add_s_mm=40.0, findings=because("odd", "<!--why"))]
         write_run(tmp_path / "runs" / method, rows, GONE | {"title": "<u>run</u>", "method": {"name": method}})
     path = made(tmp_path / "runs")
     html = path.read_text("utf-8")
@@ -151,8 +152,8 @@ def test_a_run_of_failed_frames_only_has_a_report(tmp_path: Path) -> None:
 
 
 def test_data_in_doubt_come_first_with_a_run_that_says_so(tmp_path: Path) -> None:
-    for name, evidence in (("rir-0", ""), ("sir-0", "Look at the data first: objects look small: check cam_K.")):
-        write_run(tmp_path / name, [row(1, evidence=evidence), row(2)], {**GONE, "method": {"name": name[:3]}})
+    for name, doubts in (("rir-0", ()), ("sir-0", ("objects look small: check cam_K",))):
+        write_run(tmp_path / name, [row(1, doubts=doubts), row(2)], {**GONE, "method": {"name": name[:3]}})
     said = "Look at the data first: in frame 1/1 of sir-0, objects look small: check cam_K."
     assert section(made(tmp_path))["doubt"] == said
 
@@ -194,7 +195,7 @@ def test_with_its_data_a_report_has_pictures_bop_scores_and_what_went_wrong(tmp_
         error = {"add_s_mm": 1e3 * off_m}
         folder = write_run(tmp_path / name, [row(0, instance.instance_id, **ids, **error)], {"title": name}, T_cam_obj)
         path = tmp_path / f"{name}.html"
-        assert write_report([folder], path).notes == ()
+        assert write_report([folder], path, report_tools()).notes == ()
         assert parts(path, "/thumb/") == ["0"]
         assert section(path)["bop"].startswith("BOP scores over all instances that are at least 10 % visible")
         found[name] = section(path)["groups"][0]["numbers"]["ar"][0]

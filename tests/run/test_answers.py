@@ -20,6 +20,8 @@ from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from tests.made_runs import answer, finished
 from verefine_viz.batch.summary import run_end, worst_iteration
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.finding import Finding
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import LeftOut, Placed, Problem, Target
 from verefine_viz.core.scores import Scores
@@ -27,10 +29,10 @@ from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.methods.registry import make_method
 from verefine_viz.run.answers import COLUMNS, HEADER, result_rows, solving_s, table_lines, write_table
 from verefine_viz.run.engine import Run
-from verefine_viz.run.record import Answer, RunEnd, RunRecord, Status, failed_run, header_of
+from verefine_viz.run.record import Answer, RunEnd, RunRecord, Status
+from verefine_viz.run.run_header import failed_run, header_of
 from verefine_viz.run.session_file import load_session, resolve
 from verefine_viz.run.toolbox import Toolbox
-from verefine_viz.scenes.frames import parse_frame
 
 number = st.floats(allow_nan=False, allow_infinity=False, width=64)
 text = st.text(st.characters(codec="utf-8", exclude_characters="\r\x00"), max_size=20)
@@ -52,7 +54,8 @@ answers = st.builds(
     best_iteration=st.none() | st.integers(0, 10**6),
     n_hypotheses=st.integers(0, 99),
     ms_total=st.floats(0, 1e9),
-    evidence=text,
+    findings=st.lists(st.builds(Finding, cause=text, text=text), max_size=2).map(tuple),
+    doubts=st.lists(text, max_size=2).map(tuple),
     message=text,
 )
 
@@ -74,7 +77,7 @@ def solved(
 
 
 def failed(message: str, objects: Sequence[LeftOut] = ()) -> RunEnd:
-    record = failed_run(resolve({"method": {"name": "sir"}}), "2/7", message, objects)
+    record = failed_run(resolve({"method": {"name": "sir"}}), {}, "2/7", message, objects)
     assert record.end is not None
     assert record.is_complete
     return record.end
@@ -90,7 +93,7 @@ def test_every_column_is_of_an_answer_and_only_times_differ_from_run_to_run() ->
     assert f"{','.join(names)}\n" == HEADER
     assert [c.name for c in COLUMNS if c.kind == "time"] == [name for name in names if name.startswith("ms_")]
     left = {*Answer.__struct_fields__} - {*names}
-    assert left == {"frame", "T_cam_obj", "middle_m"}
+    assert left == {"frame", "T_cam_obj", "middle_m", "findings", "doubts"}
 
 
 @given(answers)
@@ -130,7 +133,7 @@ COLUMN = {column.name: column for column in COLUMNS}
 def test_the_answers_are_the_results() -> None:
     run, end = solved(replace(box_problem(n_instances=2), left_out=(LeftOut(7, 3, "mug", "", has_truth=True),)))
     end = structs.replace(end, seconds=9.0, stages_ms={"read": 500.0, "start": 40.0, "iterate": 460.0})
-    record = RunRecord(header_of(run.problem, run.state_at(0), Session()), (), end)
+    record = RunRecord(header_of(run.problem, run.state_at(0), Session(), {}), (), end)
     rows = [*result_rows(record)]
     assert len(rows) == 2
     for row, best, target in zip(rows, run.final_state.best, run.problem.targets, strict=True):
@@ -142,7 +145,7 @@ def test_the_answers_are_the_results() -> None:
 def test_where_poses_were_only_estimated_all_hypotheses_are_results() -> None:
     problem = box_problem(n_hypotheses=3, n_instances=2)
     mine = [answer(*parse_frame(problem.frame), instance_id=k, obj_id=5) for k in (1, 0)]
-    record = RunRecord(header_of(problem, None, Session()), (), RunEnd(answers=tuple(mine), seconds=2.0))
+    record = RunRecord(header_of(problem, None, Session(), {}), (), RunEnd(answers=tuple(mine), seconds=2.0))
     rows = [*result_rows(record)]
     expected = [h for k in (1, 0) for h in problem.targets[k].instance.hypotheses]
     assert [(row.obj_id, row.score, row.time_s) for row in rows] == [(5, h.confidence, 2.0) for h in expected]

@@ -24,7 +24,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.pose_errors import pose_errors
-from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.methods.known_methods import ALL_METHOD_NAMES
 from verefine_viz.recording import entities
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of

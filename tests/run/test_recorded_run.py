@@ -72,7 +72,7 @@ def test_a_run_gives_its_record_at_any_time(tmp_path: Path) -> None:
     file = RunFile(tmp_path / "a.vfrun", s)
     run = new_run(s, problem, (file,))
     for _ in range(4):
-        record, read = run.record(s), read_run_file(file.path)
+        record, read = run.record(s, {}), read_run_file(file.path)
         assert first_difference(record.header, read.header) is None
         assert first_difference(tuple(map(as_read, record.iterations)), read.iterations) is None
         run.step()

@@ -17,14 +17,18 @@ from hypothesis import strategies as st
 from tests.changing import replace
 from tests.fakes import box_problem
 from tests.full_disk import file_limit
+from tests.made_runs import answer, because, finished, write_first_format
 from tests.methods.test_physim_mcts import method_of
 from tests.recording.runs import ending, new_run, run_file, session
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.finding import Finding
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.recording.verify import first_difference
+from verefine_viz.run.answers import table_lines
 from verefine_viz.run.engine import Run
-from verefine_viz.run.record import Answer, RunEnd, RunHeader, session_of
+from verefine_viz.run.record import FORMAT, Answer, RunEnd, RunHeader
 from verefine_viz.run.run_file import MAGIC, RunFile, as_read, framed, read_run_file
+from verefine_viz.run.run_header import session_of
 
 SHORT = session(maps=False, iterations=2)
 
@@ -85,12 +89,40 @@ lengths_mm = st.none() | st.floats(0, 1e300)
 )  # fmt: skip
 @settings(max_examples=30, deadline=None)
 def test_answers_come_back(tmp_path_factory: pytest.TempPathFactory, score, mm, name, status, n, T) -> None:
-    answer = Answer(frame="0/1", name=name, status=status, score=score, add_s_mm=mm, n_hypotheses=n, T_cam_obj=T)
-    end = RunEnd(answers=(answer,), stages_ms={"read": 1.5}, doubts=(name,), seconds=2.0)
+    numbers = {"error": np.float64(0.3), "hypotheses": n, "error_repaired": np.inf}
+    findings = (Finding("budget", name, numbers, True, "more", 0, {"method.iterations": n}, name, name),)
+    known = {"frame": "0/1", "name": name, "status": status, "score": score, "add_s_mm": mm, "n_hypotheses": n}
+    end = RunEnd(
+        answers=(Answer(**known, T_cam_obj=T, findings=findings, doubts=(name,)),),
+        stages_ms={"read": 1.5},
+        doubts=(name,),
+        seconds=2.0,
+    )
     file = RunFile(tmp_path_factory.mktemp("answers") / "a.vfrun", SHORT)
-    file.begin(RunHeader(1, "", "0/1", "", {}, ()))
+    file.begin(RunHeader(FORMAT, "", "0/1", "", {}, ()))
     file.finish(end)
     assert first_difference(read_run_file(file.path).end, end) is None
+
+
+def test_a_file_of_the_first_format_gives_its_causes_and_doubts(tmp_path: Path) -> None:
+    wrong = {"has_truth": True, "add_s_mm": 40.0, "diameter_mm": 100.0}
+    answers = (
+        answer(instance_id=0, findings=because("mask", "The mask leaks."), doubts=("cam_K", "the depth"), **wrong),
+        answer(instance_id=1, findings=because("impossible", "It cannot lie there.")),
+        answer(instance_id=2, doubts=("objects appear 11% larger: check cam_K",)),
+        answer(instance_id=3, findings=because("", "no diagnosis: an error of the program"), **wrong),
+        answer(instance_id=4),
+    )
+    record = finished("1/0", answers, doubts=("cam_K",))
+    write_first_format(tmp_path / "old.vfrun", record)
+    old = read_run_file(tmp_path / "old.vfrun")
+    assert old.header.format == 1
+    assert first_difference(old.end, record.end) is None
+    assert table_lines(old) == table_lines(record)
+    assert [one.cause for one in old.end.answers] == ["mask", "impossible", "", "", ""]
+    assert old.end.answers[0].evidence == (
+        "The mask leaks. Look at the data first: cam_K. Look at the data first: the depth."
+    )
 
 
 def test_an_iteration_is_in_the_file_when_the_next_one_begins(tmp_path: Path) -> None:
@@ -186,7 +218,7 @@ ITERATIONS: list[tuple[Callable[[Any], object], str]] = [
     (lambda v: v.update(placed=[{"instance_id": 9, "T_cam_obj": packed(np.eye(4))}]), "places instance 9"),
 ]
 HEADERS: list[tuple[Callable[[dict[str, Any]], object], str]] = [
-    (lambda h: h.update(format=99), "was written by a later version (format 99, this one reads 1); update"),
+    (lambda h: h.update(format=99), "was written by a later version (format 99, this one reads 2); update"),
     (lambda h: h.update(frame="../.."), "frame '../..' is not"),
     (lambda h: h.update(session="[[[x"), "its session is no TOML"),
     (lambda h: h.update(frame="00/1"), "'00/1' is no frame"),
@@ -272,6 +304,7 @@ ANSWERS: list[tuple[dict[str, Any], str]] = [
     ({"middle_m": np.ones(2)}, "the middle of mug has shape (2,)"),
     ({"best_iteration": 5}, "is of an iteration that is not in the file"),
     ({"worst_iteration": 5}, "is of an iteration that is not in the file"),
+    ({"findings": (Finding("pool", "", iteration=5),)}, "is of an iteration that is not in the file"),
     ({"instance_id": 7}, "two answers for instance 7"),
     ({"ms_total": np.inf}, "its answers: Expected `float`"),
 ]
@@ -282,7 +315,7 @@ def test_answers_that_no_run_has_are_damage(tmp_path: Path) -> None:
         known = {"frame": "0/1", "name": "mug", "status": "ok", "instance_id": 7}
         changed = {**known, "instance_id": 8, **fields}
         with closing(RunFile(tmp_path / "a.vfrun", SHORT)) as file:
-            file.begin(RunHeader(1, "", "0/1", "", {}, ()))
+            file.begin(RunHeader(FORMAT, "", "0/1", "", {}, ()))
             file.finish(RunEnd(answers=(Answer(**known), Answer(**changed))))
         for with_iterations in (True, False):
             assert expected in refused(file.path, with_iterations), expected
@@ -291,7 +324,7 @@ def test_answers_that_no_run_has_are_damage(tmp_path: Path) -> None:
 def test_an_answer_that_is_no_pose_is_damage(tmp_path: Path) -> None:
     file = RunFile(tmp_path / "a.vfrun", SHORT)
     for fields, expected in (({"T_cam_obj": 2 * np.eye(4)}, "is not rigid"), ({"add_s_mm": -6.0}, "`float` >= 0.0")):
-        file.begin(RunHeader(1, "", "0/1", "", {}, ()))
+        file.begin(RunHeader(FORMAT, "", "0/1", "", {}, ()))
         file.finish(RunEnd(answers=(Answer(frame="0/1", name="mug", status="ok", **fields),)))
         assert expected in refused(file.path)
 

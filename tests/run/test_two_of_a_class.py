@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.scenes.bop_folder import make
-from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.methods.known_methods import ALL_METHOD_NAMES
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from PIL import Image
 from tests.scenes.bop_folder import OBJ_IDS, box_ply, detections, make
 from verefine_viz.calibration.consistency import data_doubts
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.scenes.bop import BopDataset
 
 
@@ -54,6 +56,14 @@ def test_float_depth_images_are_read(tmp_path: Path) -> None:
     (made.scene / "depth" / "000003.png").unlink()
     Image.fromarray((want * 1e4).astype(np.float32)).save(made.scene / "depth" / "000003.tif")
     np.testing.assert_allclose(made.read().observation.depth_m, want, rtol=1e-6)
+
+
+def test_the_photo_is_there_before_anything_is_prepared(tmp_path: Path) -> None:
+    made, events = make(tmp_path), list[object]()
+    progress = ProgressToken(preparing=lambda: nullcontext(events.append("prepared")), seen=events.append)
+    made.open().problem(made.frame, progress)
+    np.testing.assert_array_equal(events[0], made.problem.observation.rgb)
+    assert events[1] == "prepared"
 
 
 def test_each_image_has_its_own_camera(tmp_path: Path) -> None:
@@ -153,7 +163,7 @@ def test_a_mesh_of_another_size_is_said(tmp_path: Path) -> None:
 def test_a_wrong_depth_scale_is_noticed(tmp_path: Path) -> None:
     made = make(tmp_path)
     made.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=1.0))
-    assert any("depth that is 10 times smaller would fit" in doubt for doubt in data_doubts(made.read()))
+    assert any("depth that is 10 times smaller would fit" in doubt.text for doubt in data_doubts(made.read()))
 
 
 def test_missing_scene_gt_points_to_detections(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from tests.scenes.bop_folder import OBJ_IDS, Made, detections, make, refusal
 from verefine_viz.core.errors import VerefineError
@@ -189,18 +188,8 @@ def renamed(old: str, new: str) -> Callable[[Made], object]:
     return lambda made: (made.scene / old).rename(made.scene / new)
 
 
-def saved(old: str, new: str) -> Callable[[Made], None]:
-    """An image as an array instead."""
-
-    def spoil(made: Made) -> None:
-        np.save(made.scene / new, np.asarray(Image.open(made.scene / old)))
-        (made.scene / old).unlink()
-
-    return spoil
-
-
 NEAR: tuple[tuple[Callable[[Made], object], str], ...] = (
-    (saved("depth/000003.png", "depth/000003.npy"), "in depth/ there is 000003.npy"),
+    (renamed("depth/000003.png", "depth/000003.raw"), "in depth/ there is 000003.raw"),
     (renamed("depth/000003.png", "depth/frame_3.png"), "in depth/ there is frame_3.png"),
     (renamed("depth", "Depth"), "in 000007/ there is Depth"),
     (renamed("mask_visib", "masks_visib"), "there is masks_visib"),

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from verefine_viz.core.accuracy import PoseErrors
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best, Iteration
-from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.run.breakpoints import hits
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox

@@ -15,8 +15,8 @@ from PIL import Image
 from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_trace import SHAPE, K, picture, pose, write_box
 from verefine_viz.core.errors import VerefineError
-from verefine_viz.core.geometry import quat_wxyz
-from verefine_viz.core.problem import ANSWER
+from verefine_viz.core.geometry import apply, quat_wxyz
+from verefine_viz.core.problem import ANSWER, Problem
 from verefine_viz.run.data_folder import data_at, open_session
 from verefine_viz.scenes.detections import encode_rle
 from verefine_viz.scenes.layouts import readers, traces
@@ -135,6 +135,48 @@ def write_extended_apc(folder: Path) -> None:
     write_box(folder / "models" / ERASER / f"{ERASER}.obj", 0.1)
 
 
+def write_ndds(folder: Path, model_m: float = 0.01, is_published: bool = False) -> None:
+    """A frame of NDDS: centimetres, quaternions xyzw, the model aligned by NVDU [cm] or as it was published [m]."""
+    scene = folder / "frames"
+    save_depth(scene / "000000.depth.png", 10_000)
+    save_color(scene / "000000.png")
+    Image.fromarray(MASK.astype(np.uint8) * 12).save(scene / "000000.seg.png")
+    camera = {"fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2], "s": 0, "resX": 160, "resY": 120}
+    cameras = {"camera_settings": [{"name": "left", "intrinsic_settings": camera}]}
+    (scene / "_camera_settings.json").write_text(json.dumps(cameras))
+    fixed = np.array([[0, 0, 100, 0], [-100, 0, 0, 0], [0, -100, 0, 0], [7.0, -2.0, 3.0, 1]])
+    exported = {"class": "box_16k", "segmentation_class_id": 12, "fixed_model_transform": fixed.tolist()}
+    (scene / "_object_settings.json").write_text(json.dumps({"exported_objects": [exported]}))
+    w, x, y, z = quat_wxyz(TRUTH[:3, :3]).tolist()
+    corners = np.array([[x, y, z] for x in (-5, 5) for y in (-5, 5) for z in (-5, 5)], np.float64)
+    one = {"class": "box_16k", "location": (TRUTH[:3, 3] * 100).tolist(), "quaternion_xyzw": [x, y, z, w]}
+    one["cuboid"] = (corners @ TRUTH[:3, :3].T + TRUTH[:3, 3] * 100).tolist()
+    (scene / "000000.json").write_text(json.dumps({"camera_data": {}, "objects": [one]}))
+    (folder / "models" / "box").mkdir(parents=True)
+    mesh = write_box(folder / "models" / "box" / "textured.obj", 0.1 / model_m)
+    if is_published:  # What the transform takes to the aligned model.
+        lines = [line.split() for line in mesh.read_text().splitlines()]
+        vertices = np.array([line[1:] for line in lines if line[0] == "v"], np.float64) * (model_m * 100)
+        moved = (vertices - fixed[3, :3]) @ fixed[:3, :3].T / 1e4
+        texts = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in moved]
+        mesh.write_text("\n".join([*texts, *(" ".join(line) for line in lines if line[0] == "f")]))
+
+
+def write_pvnet(folder: Path) -> None:
+    save_depth(folder / "depth" / "7.png", 1000)
+    save_color(folder / "rgb" / "7.png")
+    for name in ("mask", "pose"):
+        (folder / name).mkdir()
+    Image.fromarray(MASK.astype(np.uint8) * 255).save(folder / "mask" / "7.png")
+    np.save(folder / "pose" / "pose7.npy", TRUTH[:3])
+    np.savetxt(folder / "camera.txt", K)
+    (folder / "diameter.txt").write_text("0.173\n")
+    import trimesh
+
+    trimesh.load(write_box(folder / "box.obj", 0.1)).export(folder / "model.ply")
+    (folder / "box.obj").unlink()
+
+
 def write_foundation_pose(folder: Path) -> None:
     write_sequence(folder, 1)
     (file,) = (folder / "ob_in_cam").iterdir()
@@ -166,6 +208,8 @@ CASES = (
     Case(write_extended_apc, "layout of Extended APC, 1 frame", "4/0", 2, ERASER),
     Case(write_extended_apc, "layout of Extended APC, 1 frame", "4/0", 2, ERASER, "scene-0004"),
     Case(write_deepim, "layout of DeepIM's demo, 1 frame", "0/0", 5, ORIGINAL, "demo", n_steps=2),
+    Case(write_ndds, "layout of NDDS (DOPE, Falling Things), 1 frame", "0/0", 1, "box_16k", "frames"),
+    Case(write_pvnet, "layout of PVNet's custom sets, 1 frame", "0/7", 1, "it"),
     Case(write_foundation_pose, "layout of FoundationPose's demo, 1 frame", "0/1", 1, "it", n_steps=1),
 )
 
@@ -202,7 +246,8 @@ def test_a_layout_is_recognized_and_read(case: Case, tmp_path: Path) -> None:
 def test_a_colour_image_that_cannot_be_read_costs_its_colours_only(tmp_path: Path) -> None:
     for k, case in enumerate(CASES):
         case.write(tmp_path / str(k))
-        (image,) = (p for p in (tmp_path / str(k)).rglob("*.png") if "rgb" in str(p) or "color" in p.name)
+        images = [p for p in (tmp_path / str(k)).rglob("*.png") if "rgb" in str(p) or "color" in p.name]
+        (image,) = images or (tmp_path / str(k)).rglob("000000.png")
         image.write_bytes(image.read_bytes()[:60])
         known = data_at(tmp_path / str(k) / case.opened, {})
         source = open_scene(known.session.scene, known.session.hypotheses)
@@ -264,3 +309,110 @@ def test_images_of_linemod_that_are_counted_otherwise_are_paired_in_order(tmp_pa
     problem = open_scene(session.scene, session.hypotheses).problem("6/1")
     assert problem.instances[0].T_cam_obj_gt is not None
     assert any("counted otherwise than info.yml" in note for note in problem.notes)
+
+
+def problem_at(folder: Path) -> Problem:
+    session = open_session(folder, {})
+    source = open_scene(session.scene, session.hypotheses)
+    return source.problem(source.frames[0])
+
+
+def test_models_of_ndds_are_read_in_any_unit_and_as_they_were_published(tmp_path: Path) -> None:
+    """The box that frames state decides, so that vertices in the camera frame are the same each time."""
+    seen = []
+    for k, (unit_m, is_published) in enumerate(((0.01, False), (1.0, False), (0.001, False), (1.0, True))):
+        write_ndds(tmp_path / str(k), unit_m, is_published)
+        problem = problem_at(tmp_path / str(k) / "frames")
+        (instance,) = problem.instances
+        vertices = apply(instance.T_cam_obj_gt, problem.models[instance.obj_id].vertices)
+        seen.append(np.sort(vertices.round(6), axis=0))
+        assert not any("cuboid" in note for note in problem.notes), problem.notes
+    assert all(np.allclose(other, seen[0], atol=1e-6) for other in seen[1:])
+    mesh = tmp_path / "0" / "models" / "box" / "textured.obj"
+    write_box(mesh, 17.0)
+    assert any(
+        "textured.obj is off the cuboid of 0.173 m" in note for note in problem_at(tmp_path / "0" / "frames").notes
+    )
+
+
+def test_depth_of_ndds_in_8_bits_says_what_to_export_and_16_bits_are_preferred(tmp_path: Path) -> None:
+    write_ndds(tmp_path)
+    depth = tmp_path / "frames" / "000000.depth.png"
+    Image.fromarray(np.full(SHAPE, 200, np.uint8)).save(depth)
+    with pytest.raises(
+        VerefineError, match=r"a picture of depth in 8 bits; export depth as 000000\.depth\.mm\.16\.png"
+    ):
+        problem_at(depth.parent)
+    save_depth(depth.with_name("000000.depth.mm.16.png"), 1000)
+    assert np.allclose(problem_at(depth.parent).observation.depth_m, DEPTH, atol=1e-6)
+
+
+def test_two_of_a_class_of_ndds_share_its_pixels(tmp_path: Path) -> None:
+    write_ndds(tmp_path)
+    path = tmp_path / "frames" / "000000.json"
+    content = json.loads(path.read_text())
+    (one,) = content["objects"]
+    content["objects"] += [{**one, "location": [one["location"][0] + 4.0, *one["location"][1:]]}]
+    path.write_text(json.dumps(content))
+    first, second = (instance.mask for instance in problem_at(tmp_path / "frames").instances)
+    assert np.array_equal(first | second, MASK)
+    assert not (first & second).any()
+    assert np.nonzero(first)[1].max() <= np.nonzero(second)[1].min()
+    for number, one in zip((7, 70_000), content["objects"], strict=True):
+        one["instance_id"] = number
+    path.write_text(json.dumps(content))
+    upper = MASK & (np.arange(SHAPE[0])[:, None] < 60)
+    numbers = upper * 7 + (MASK & ~upper) * 70_000
+    colors = np.stack([numbers >> 16, numbers >> 8 & 255, numbers & 255], axis=2).astype(np.uint8)
+    Image.fromarray(colors).save(tmp_path / "frames" / "000000.is.png")
+    first, second = (instance.mask for instance in problem_at(tmp_path / "frames").instances)
+    assert np.array_equal(first, upper)
+    assert np.array_equal(second, MASK & ~upper)
+
+
+def test_layouts_without_depth_say_that_it_is_needed(tmp_path: Path) -> None:
+    for write, part, words in (
+        (
+            write_ndds,
+            "frames",
+            "has no frame with depth, and poses are verified by depth; export it as 000000.depth.png",
+        ),
+        (write_pvnet, ".", "which have no depth, and poses are verified by depth; put a depth image"),
+    ):
+        folder = tmp_path / write.__name__
+        write(folder)
+        for path in [*folder.rglob("*depth.png"), *folder.rglob("depth/*")]:
+            path.unlink()
+        with pytest.raises(VerefineError, match=words):
+            open_session(folder / part, {})
+
+
+def test_the_size_of_a_model_of_pvnet_is_that_of_its_diameter(tmp_path: Path) -> None:
+    write_pvnet(tmp_path)
+    for diameter, size_m, is_noted in (("0.173", 0.173, False), ("0.00173", 0.00173, False), ("0.9", 0.173, True)):
+        (tmp_path / "diameter.txt").write_text(diameter)
+        problem = problem_at(tmp_path)
+        assert problem.models[1].diameter_m == pytest.approx(size_m, rel=0.01)
+        assert any("diameter.txt says" in note for note in problem.notes) == is_noted
+
+
+def test_depth_may_be_an_array_in_steps_or_in_metres(tmp_path: Path) -> None:
+    for k, (write, image, steps_per_m) in enumerate(
+        ((write_linemod, "data/06/depth/0000", 1000), (write_ycb_video, "data/0048/000001-depth", 10_000))
+    ):
+        for name, array in (("steps", np.round(DEPTH * steps_per_m).astype(np.uint16)), ("metres", DEPTH)):
+            folder = tmp_path / f"{k} {name}"
+            write(folder)
+            (folder / f"{image}.png").unlink()
+            np.save(folder / f"{image}.npy", array)
+            assert np.abs(problem_at(folder).observation.depth_m - DEPTH).max() < 1e-3, (write, name)
+
+
+def test_photos_of_pvnet_may_be_numbered_with_other_zeros(tmp_path: Path) -> None:
+    write_pvnet(tmp_path)
+    (tmp_path / "JPEGImages").mkdir()
+    (tmp_path / "rgb" / "7.png").rename(tmp_path / "JPEGImages" / "000007.png")
+    (tmp_path / "rgb").rmdir()
+    rgb = problem_at(tmp_path).observation.rgb
+    assert rgb is not None
+    assert (rgb == 90).all()

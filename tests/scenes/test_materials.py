@@ -14,7 +14,7 @@ import trimesh
 from PIL import Image
 
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.run.capture_folder import _ply
+from verefine_viz.scenes.bop_entries import model_file
 from verefine_viz.scenes.image_files import write_image
 from verefine_viz.scenes.meshes import Mesh, read_mesh
 from verefine_viz.scenes.models import model_of_mesh
@@ -159,7 +159,7 @@ def test_a_kept_model_has_the_colours_of_several_materials(tmp_path: Path) -> No
     mesh = read_mesh(write_obj(tmp_path / "cube"), 0.1)
     assert isinstance(mesh, Mesh)
     write_image(tmp_path / "kept.png", mesh.texture.image)
-    (tmp_path / "kept.ply").write_bytes(_ply(mesh, tmp_path / "kept.png"))
+    (tmp_path / "kept.ply").write_bytes(model_file(mesh, tmp_path / "kept.png"))
     assert_true_colours(model_of_mesh(read_mesh(tmp_path / "kept.ply", 1e-3), 1, "cube", 10, 0))
 
 

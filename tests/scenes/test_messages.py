@@ -211,7 +211,33 @@ def test_trouble_with_detections(tmp_path: Path) -> None:
     assert len(problem.instances) == 3
     assert any("the frame has no ground truth: " in note for note in problem.notes)
     file.write_text(json.dumps(detections(made, "box")))
-    assert "has no masks for frame 7/3" in refusal(made, masks=str(file))
+    boxes = "has no masks for frame 7/3: 3 detections in det.json have a box but no mask; expected 'segm"
+    assert boxes in refusal(made, masks=str(file))
+    file.write_text(json.dumps([{**entry, "image_id": 4} for entry in detections(made)]))
+    assert "has no masks for frame 7/3: its detections are of 7/4" in refusal(made, masks=str(file))
+    file.write_text(json.dumps({"images": [], "annotations": detections(made), "categories": []}))
+    coco = "holds images, annotations, categories as COCO has them; expected BOP's detections, a list: [{scene_id, im"
+    assert coco in refusal(made, masks=str(file))
+
+
+def test_an_empty_frame_says_that_it_is_empty(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    made.edit("scene_gt.json", lambda c: c.update({"3": []}))
+    assert refusal(made) == "frame 7/3 is empty: its ground truth (scene_gt.json) lists no object"
+
+
+def test_object_ids_that_count_from_0_are_noted_where_files_give_them(tmp_path: Path) -> None:
+    made, file, rows = make(tmp_path / "boxes"), tmp_path / "det.json", tmp_path / "rows.csv"
+    for names in ("models/obj_000002.ply", "models/obj_000005.ply"):  # Objects 1 and 2, as others count.
+        (made.root / names).rename(made.root / names.replace("2.ply", "1.ply").replace("5.ply", "2.ply"))
+    for ids, is_noted in (((0, 1, 1), True), ((1, 2, 2), False), ((0, 5, 1), False)):
+        entries = [{**entry, "category_id": i} for i, entry in zip(ids, detections(made), strict=True)]
+        file.write_text(json.dumps(entries))
+        rows.write_text("\n".join(f"7,3,{i},1.0,{POSE},-1" for i in ids))
+        results = HypothesesSettings(source="results", files=(str(rows),))
+        words = "its object ids are 0, 1, those of models 1, 2; where it counts from 0, all are one too small: add 1"
+        for source in (made.open(masks=str(file)), made.open(results)):
+            assert any(words in note for note in source.notes) == is_noted, (ids, source.notes)
 
 
 def test_a_bad_line_of_a_results_file_is_left_out_and_the_first_is_named(tmp_path: Path) -> None:

@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import structs
 
-from tests.fakes import box_problem
-from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.run.record import Answer
 from verefine_viz.studies.claims import lines, missing_curves, points_of, rows, verdicts
-from verefine_viz.studies.solve_unit import Quality, UnitAnswer, quality
+from verefine_viz.studies.solve_unit import UnitAnswer
 from verefine_viz.studies.study_plan import Claim, Panel, Study, StudyCurve
 
 
@@ -24,13 +23,16 @@ def _panel() -> Panel:
 
 def _outcome(curve: str, x: float, k: int, ar: float, seed: int = 0) -> UnitAnswer:
     """Of object ``k``, alone in its frame."""
-    found = Quality(
-        ar_vsd=ar, ar_mssd=ar, ar_mspd=ar, add_s_mm=1.0, relative=0.05, rotation_deg=2.0, translation_mm=3.0
-    )
-    return UnitAnswer(
-        panel="p", x=x, seed=seed, scene="s", frame=f"0/{k}", curve=curve, instance_id=0, obj_id=1,
-        quality=found, ms=2.0, refiner_calls=3.0,
+    found = Answer(
+        frame=f"0/{k}", seed=seed, instance_id=0, obj_id=1, status="ok", ar=ar, ar_vsd=ar, ar_mssd=ar, ar_mspd=ar,
+        add_s_mm=1.0, diameter_mm=20.0, rotation_deg=2.0, translation_mm=3.0,
     )  # fmt: skip
+    return UnitAnswer(panel="p", x=x, scene="s", curve=curve, answer=found, ms=2.0, refiner_calls=3.0)
+
+
+def _with(o: UnitAnswer, **changed: object) -> UnitAnswer:
+    """With another answer."""
+    return structs.replace(o, answer=structs.replace(o.answer, **changed))
 
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=20))
@@ -73,7 +75,7 @@ def test_more_errors_and_seeds_of_the_same_objects_make_no_interval_narrower() -
     once = [_outcome("A", 0.0, k, 0.5 + float(g)) for k, g in enumerate(gains)]
     once += [_outcome("B", 0.0, k, 0.5) for k in range(8)]
     more_errors = [*once, *(structs.replace(o, x=1.0) for o in once)]
-    more_seeds = [structs.replace(o, seed=seed) for o in once for seed in range(20)]
+    more_seeds = [_with(o, seed=seed) for o in once for seed in range(20)]
     (alone,), *others = (verdicts(_panel(), points_of(found)) for found in (once, more_errors, more_seeds))
     for (repeated,) in others:
         assert (repeated.spread.low, repeated.spread.high) == pytest.approx((alone.spread.low, alone.spread.high))
@@ -99,9 +101,29 @@ def test_a_claim_about_low_errors_leaves_out_high_ones() -> None:
     assert (low.word, high.word) == ("holds", "holds")
 
 
+@pytest.mark.parametrize(
+    ("here", "there", "word"), [(0.2, 0.1, "holds"), (0.1, 0.2, "does not hold"), (0.1, 0.1, "the same")]
+)
+def test_a_gain_is_compared_with_that_of_the_same_objects_in_another_panel(
+    here: float, there: float, word: str
+) -> None:
+    panel = replace(_panel(), claims=(Claim("A", "B", than="q"),))
+    outcomes = list[UnitAnswer]()
+    for k, hard in enumerate(np.random.default_rng(0).uniform(0.3, 0.7, 30)):  # Objects differ more than the gains.
+        for name, gain in (("p", here), ("q", there)):
+            pair = (_outcome("A", 0.0, k, float(hard) + gain), _outcome("B", 0.0, k, float(hard)))
+            outcomes += [structs.replace(o, panel=name) for o in pair]
+    outcomes.append(_outcome("A", 1.0, 0, 1.0))  # In no pair, and not in the other panel.
+    (verdict,) = verdicts(panel, points_of(outcomes))
+    assert (verdict.word, verdict.n_objects) == (word, 30)
+    assert verdict.spread.value == pytest.approx(here - there)
+    alone = points_of(o for o in outcomes if o.panel == "p")
+    assert verdicts(panel, alone) == []
+
+
 def test_answers_that_are_missing_count_nowhere_and_have_their_reason() -> None:
     outcomes = [_outcome(c, 0.0, k, 0.5) for c in "AB" for k in range(3)]
-    outcomes = [structs.replace(o, missing="no weights") if o.curve == "B" else o for o in outcomes]
+    outcomes = [_with(o, status="failed", message="no weights") if o.curve == "B" else o for o in outcomes]
     points = points_of(outcomes)
     assert [r["curve"] for r in rows(Study("s", "t", (_panel(),)), points)] == ["A"]
     assert verdicts(_panel(), points) == []
@@ -120,15 +142,8 @@ def test_a_row_per_curve_and_x_and_pairs_without_a_partner_are_left_out() -> Non
     assert verdicts(_panel(), points_of(outcomes[:1])) == []
 
 
-def test_quality_is_full_for_the_truth_nothing_without_an_answer_and_falls_with_the_error() -> None:
-    problem = box_problem()
-    target = problem.targets[0]
-    T_gt = target.instance.T_cam_obj_gt
-    assert quality(target, T_gt, problem).ar == 1.0
-    assert quality(target, None, problem).ar == 0.0
-    found = []
-    for step in range(6):
-        T = T_gt @ transform(axis_angle(np.array([1.0, 0, 0]), np.radians(4 * step)), np.array([0.01 * step, 0, 0]))
-        found.append(quality(target, T, problem).ar)
-    assert found == sorted(found, reverse=True)
-    assert found[-1] < 0.8
+def test_no_answer_passes_no_threshold() -> None:
+    nothing = Answer(frame="0/0", status="no_answer")
+    without = UnitAnswer(panel="p", x=0.0, scene="s", curve="A", answer=nothing)
+    assert [without.recall(metric) for metric in ("ar", "ar_vsd", "ar_mssd", "ar_mspd")] == [0.0] * 4
+    assert without.missing == ""

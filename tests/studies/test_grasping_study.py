@@ -2,15 +2,21 @@
 
 from pathlib import Path
 
+import msgspec
+import numpy as np
 import pytest
 from msgspec import structs
 
+from tests.batch.frames import PoolHere
+from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import load_session
+from verefine_viz.studies import run_study as run_study_module
 from verefine_viz.studies.grasp_table import grasp_order, grasp_rows
 from verefine_viz.studies.grasping_study import GIVEN, TABLE, grasping
-from verefine_viz.studies.run_study import StudyRequest, run_study
-from verefine_viz.studies.solve_unit import Quality, UnitAnswer
+from verefine_viz.studies.run_study import run_study
+from verefine_viz.studies.solve_unit import UnitAnswer
 from verefine_viz.studies.study_command import scenes
+from verefine_viz.studies.study_request import StudyRequest
 
 
 def test_methods_with_several_hypotheses_have_the_calls_of_one() -> None:
@@ -23,10 +29,8 @@ def test_methods_with_several_hypotheses_have_the_calls_of_one() -> None:
 
 
 def _outcome(seed: int, name: str, grasp: str, curve: str = "ICP + RIR, 10") -> UnitAnswer:
-    return UnitAnswer(
-        panel=TABLE, x=0.0, seed=seed, scene="s", frame="0/0", curve=curve, instance_id=0, obj_id=1,
-        quality=Quality(), ms=0.0, refiner_calls=10.0, name=name, grasp=grasp,
-    )  # fmt: skip
+    answer = Answer(frame="0/0", seed=seed, instance_id=0, obj_id=1, name=name, status="ok")
+    return UnitAnswer(panel=TABLE, x=0.0, scene="s", curve=curve, answer=answer, refiner_calls=10.0, grasp=grasp)
 
 
 def test_found_and_success_are_counted_apart() -> None:
@@ -54,12 +58,17 @@ def test_trials_are_of_the_objects_as_they_lie_and_turned() -> None:
 
 
 @pytest.mark.usefixtures("long_run", "processes")
-def test_the_ground_truth_is_lifted_and_workers_do_not_matter(tmp_path: Path) -> None:
+def test_the_ground_truth_is_lifted_and_workers_do_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = {"demo": "duck", "model_points": 200, "cloud_points": 200}
     sessions = {"duck": load_session(None, {"preset": "published", "scene": scene})}
     request = StudyRequest("grasping", quick=True)
-    one = run_study(request, sessions, 1, 1, tmp_path / "one", lambda done, total: None)
+    with monkeypatch.context() as patched:
+        patched.setattr(run_study_module, "Pool", PoolHere)
+        one = run_study(request, sessions, 1, 1, tmp_path / "one", lambda done, total: None)
     two = run_study(request, sessions, 1, 2, tmp_path / "two", lambda done, total: None)
-    without_times = [[structs.replace(o, ms=0.0) for o in outcomes] for outcomes in (one, two)]
+    without_times = [
+        msgspec.to_builtins([structs.replace(o, ms=0.0) for o in outcome.answers], enc_hook=np.ndarray.tolist)
+        for outcome in (one, two)
+    ]
     assert without_times[0] == without_times[1]
-    assert {o.grasp for o in one if o.curve == GIVEN and o.x == 0} == {"success"}
+    assert {o.grasp for o in one.answers if o.curve == GIVEN and o.x == 0} == {"success"}

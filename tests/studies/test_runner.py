@@ -4,59 +4,77 @@ from __future__ import annotations
 
 import csv
 import errno
+import itertools
 import json
+import random
 import signal
 import threading
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from multiprocessing import active_children
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+import msgspec
+import numpy as np
 import psutil
 import pytest
 from msgspec import structs
 
+from tests.batch.frames import PoolHere, command
+from tests.batch.killed_batches import killed_until_done
 from verefine_viz import cli
 from verefine_viz.core.errors import InputError, UnavailableError
+from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
-from verefine_viz.run.session_file import load_session
+from verefine_viz.run.record import Answer
+from verefine_viz.run.session_file import load_session, save_session
 from verefine_viz.studies import run_study as run_study_module
-from verefine_viz.studies.run_study import STUDIES, STUDY_FILE, StudyJournal, StudyRequest, run_study
-from verefine_viz.studies.solve_unit import Quality, Solver, UnitAnswer
+from verefine_viz.studies import unit_work
+from verefine_viz.studies.run_study import run_study, saved_outcome
+from verefine_viz.studies.solve_unit import Solver, UnitAnswer
 from verefine_viz.studies.study_command import run_one
+from verefine_viz.studies.study_folder import STUDY_FILE, StudyFolder
 from verefine_viz.studies.study_plan import Panel, Unit
+from verefine_viz.studies.study_request import STUDIES, StudyRequest
 
 SMALL = {"scene": {"demo": "duck", "model_points": 200, "cloud_points": 200}, "preset": "published"}
+
+
+ROBUSTNESS = StudyRequest("robustness", quick=True)
 
 
 def _sessions() -> dict[str, Session]:
     return {"duck": load_session(None, SMALL)}
 
 
-def _run(path: Path, workers: int = 1, seeds: int = 1) -> list[UnitAnswer]:
-    return run_study(
-        StudyRequest("robustness", quick=True), _sessions(), seeds, workers, path, lambda done, total: None
-    )
+def _run(path: Path, workers: int = 1, announce: Callable[[str], None] = lambda text: None) -> tuple[UnitAnswer, ...]:
+    """The answers of a study; where one worker is asked for, by this process."""
+    with pytest.MonkeyPatch.context() as patched:
+        if workers == 1:
+            patched.setattr(run_study_module, "Pool", PoolHere)
+        outcome = run_study(ROBUSTNESS, _sessions(), 1, workers, path, lambda done, total: None, announce)
+    assert outcome.failures == ()
+    return outcome.answers
 
 
-def _facts(outcomes: list[UnitAnswer]) -> list[UnitAnswer]:
-    return [structs.replace(o, ms=0.0) for o in outcomes]
+def _facts(answers: Iterable[UnitAnswer]) -> list[object]:
+    """All but times."""
+    return [msgspec.to_builtins(structs.replace(o, ms=0.0), enc_hook=np.ndarray.tolist) for o in answers]
 
 
 def _entries(folder: Path) -> dict[str, bytes]:
-    return {file.name: file.read_bytes() for file in folder.iterdir() if "seed" in file.name}
+    return {file.name: file.read_bytes() for file in folder.glob("*seed*.json")}
 
 
 @pytest.fixture(scope="module")
-def alone(processes: None, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[UnitAnswer]]:
-    """The journal and the outcomes of a study by one worker."""
+def alone(processes: None, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, tuple[UnitAnswer, ...]]:
+    """The folder and the answers of a study by one worker."""
     path = tmp_path_factory.mktemp("study") / "alone"
     return path, _run(path)
 
 
-def test_any_number_of_workers_gives_the_same_and_a_damaged_journal_goes_on(
-    alone: tuple[Path, list[UnitAnswer]], tmp_path: Path
+def test_any_number_of_workers_gives_the_same_and_a_damaged_folder_goes_on(
+    alone: tuple[Path, tuple[UnitAnswer, ...]], tmp_path: Path
 ) -> None:
     path, outcomes = alone
     assert _facts(_run(tmp_path / "b", workers=2)) == _facts(outcomes)
@@ -65,19 +83,21 @@ def test_any_number_of_workers_gives_the_same_and_a_damaged_journal_goes_on(
     missing, damaged, *others = sorted(entries)
     (path / missing).unlink()
     (path / damaged).write_bytes(entries[damaged][:100])
-    assert _facts(_run(path)) == _facts(outcomes)
+    announced: list[str] = []
+    assert _facts(_run(path, announce=announced.append)) == _facts(outcomes)
+    assert any(text.startswith("1 of the saved runs are damaged") for text in announced)
     again = _entries(path)
     assert again.keys() == entries.keys()
     assert {name: again[name] for name in others} == {name: entries[name] for name in others}
 
 
-def test_every_curve_of_the_robustness_study_has_as_many_calls(alone: tuple[Path, list[UnitAnswer]]) -> None:
+def test_every_curve_of_the_robustness_study_has_as_many_calls(alone: tuple[Path, tuple[UnitAnswer, ...]]) -> None:
     assert {o.curve for o in alone[1]} >= {"ICP", "SIR", "RIR, 5 hypotheses"}
     assert {o.refiner_calls for o in alone[1]} == {50.0}
 
 
 def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(
-    alone: tuple[Path, list[UnitAnswer]], tmp_path: Path
+    alone: tuple[Path, tuple[UnitAnswer, ...]], tmp_path: Path
 ) -> None:
     workers: list[BaseProcess] = []
 
@@ -89,10 +109,9 @@ def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(
     path = tmp_path / "x"
     before = set(threading.enumerate())
     with pytest.raises(KeyboardInterrupt):
-        run_study(StudyRequest("robustness", quick=True), _sessions(), 1, 2, path, interrupted)
+        run_study(ROBUSTNESS, _sessions(), 1, 2, path, interrupted)
     assert set(threading.enumerate()) <= before
-    # The pool, which sees the first one gone, may end the second before it is killed.
-    assert {worker.exitcode for worker in workers} <= {-signal.SIGKILL, -signal.SIGTERM}
+    assert {worker.exitcode for worker in workers} == {-signal.SIGKILL}
     assert len(workers) == 2
     done = _entries(path)
     assert done
@@ -100,43 +119,112 @@ def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(
     assert {name: _entries(path)[name] for name in done} == done
 
 
-def test_a_journal_of_another_study_or_of_nothing_is_refused(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("processes")
+def test_kills_at_random_moments_change_nothing(alone: tuple[Path, tuple[UnitAnswer, ...]], tmp_path: Path) -> None:
+    session = tmp_path / "duck.toml"
+    save_session(_sessions()["duck"], session)
+    out = tmp_path / "out"
+    journal = out / "robustness.journal"
+    words = ("study", "robustness", "--session", session, "--out", out, "--quick", "--seeds", 1, "--workers", 2)
+    killed_until_done(command(*words), lambda: len(_entries(journal)), 2, random.Random(0))
+    assert len(_entries(journal)) == 8
+    assert _facts(saved_outcome(ROBUSTNESS, _sessions(), 1, journal).answers) == _facts(alone[1])
+    assert not list(out.rglob("*.part"))
+
+
+class FailingSolver(Solver):
+    """Cannot solve units of one panel, and one of the other."""
+
+    def solve(self, unit: Unit) -> tuple[UnitAnswer, ...]:
+        if unit.panel == "material":
+            raise InputError("no plane")
+        if unit.x == 0.6:
+            raise RuntimeError("unforeseen")
+        return super().solve(unit)
+
+
+def test_units_that_fail_are_named_and_the_others_go_on(
+    alone: tuple[Path, tuple[UnitAnswer, ...]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    session, out = tmp_path / "duck.toml", tmp_path / "out"
+    save_session(_sessions()["duck"], session)
+    words = ("study", "robustness", "--session", session, "--out", out, "--quick", "--seeds", 1, "--workers", 1)
+    monkeypatch.setattr(run_study_module, "Pool", PoolHere)
+    with monkeypatch.context() as patched:
+        patched.setattr(unit_work, "Solver", FailingSolver)
+        assert cli.main([*map(str, words)]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    log = "duck 000000_000000, occlusion, 0.6, seed 0.txt"
+    assert lines[-1] == "study robustness: 5 of 8 runs failed; the same command tries them again"
+    assert lines[-6:-1] == [
+        *(f"duck 000000_000000, material, {x}, seed 0: no plane" for x in ("0", "0.3", "0.6", "0.9")),
+        f"duck 000000_000000, occlusion, 0.6, seed 0: RuntimeError: unforeseen (see errors/{log})",
+    ]
+    assert "unforeseen" in (out / "robustness.journal" / "errors" / log).read_text()
+    assert "without 5 of 8 runs, which failed" in (out / "robustness.svg").read_text()
+    done = _entries(out / "robustness.journal")
+    assert len(done) == 3
+    assert cli.main([*map(str, words)]) == 0
+    again = _entries(out / "robustness.journal")
+    assert len(again) == 8
+    assert {name: again[name] for name in done} == done
+    rows = list(csv.DictReader((out / "robustness_objects.csv").read_text().splitlines()))
+    assert [(r["panel"], float(r["x"]), r["curve"], float(r["ar_vsd"])) for r in rows] == [
+        (o.panel, o.x, o.curve, o.answer.ar_vsd) for o in alone[1]
+    ]
+
+
+def test_a_study_whose_first_unit_fails_ends_with_its_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(self: Solver, unit: Unit) -> tuple[UnitAnswer, ...]:
+        raise InputError(f"nothing at {unit.x:g}")
+
+    monkeypatch.setattr(Solver, "solve", refuse)
+    monkeypatch.setattr(run_study_module, "Pool", PoolHere)
+    words = f"study robustness --out {tmp_path / 'out'} --quick --seeds 1 --workers 1 --scene.demo duck"
+    assert cli.main(words.split()) == 2
+    assert capsys.readouterr().err.splitlines() == ["verefine-viz: nothing at 0"]
+
+
+def test_a_folder_of_another_study_or_of_nothing_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "x"
     path.mkdir()
     (path / STUDY_FILE).write_text("not json\n")
-    with pytest.raises(InputError, match="is no journal of a study; choose another --out, or delete it"):
+    with pytest.raises(InputError, match=r"study\.json"):
         _run(path)
     (path / STUDY_FILE).write_text(json.dumps({"study": {"name": "ablation"}}))
     with pytest.raises(InputError, match="belongs to a study with other settings"):
         _run(path)
 
 
-def test_a_folder_that_is_no_journal_is_left_as_it_is(tmp_path: Path) -> None:
+def test_a_folder_of_something_else_is_left_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "theirs.txt").write_text("years of work in one line")
-    with pytest.raises(InputError, match="is no journal of a study"):
-        StudyJournal(tmp_path, {"study": 1})
+    with pytest.raises(InputError, match=r"holds other files \(theirs\.txt\) and no study run"):
+        StudyFolder(tmp_path, {"study": 1})
     with pytest.raises(InputError, match=r"theirs\.txt is a file, expected a folder"):
-        StudyJournal(tmp_path / "theirs.txt", {"study": 1})
+        StudyFolder(tmp_path / "theirs.txt", {"study": 1})
     assert [file.name for file in tmp_path.iterdir()] == ["theirs.txt"]
 
 
-def test_a_journal_that_was_killed_at_its_start_goes_on(tmp_path: Path) -> None:
+def test_a_study_that_was_killed_at_its_start_goes_on(tmp_path: Path) -> None:
     (tmp_path / ".lock").touch()
     (tmp_path / f"{STUDY_FILE}.999999999-1.part").write_text('{"wan')
-    StudyJournal(tmp_path, {"study": 1}).close()
+    StudyFolder(tmp_path, {"study": 1}).close()
     assert json.loads((tmp_path / STUDY_FILE).read_text()) == {"study": 1}
     assert not list(tmp_path.glob("*.part"))
 
 
-def test_a_journal_is_written_by_one_study_at_a_time(tmp_path: Path) -> None:
-    first = StudyJournal(tmp_path, {})
+def test_a_folder_is_written_by_one_study_at_a_time(tmp_path: Path) -> None:
+    first = StudyFolder(tmp_path, {})
     with pytest.raises(UnavailableError, match="another study is writing to"):
-        StudyJournal(tmp_path, {})
+        StudyFolder(tmp_path, {})
     first.close()
-    StudyJournal(tmp_path, {}).close()
+    StudyFolder(tmp_path, {}).close()
 
 
-def test_a_journal_that_the_disk_refuses_is_closed_and_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_the_disk_refuses_is_closed_and_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(self: Path, *_: object, **__: object) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -145,7 +233,7 @@ def test_a_journal_that_the_disk_refuses_is_closed_and_empty(tmp_path: Path, mon
         pytest.raises(InputError, match=r"cannot write .*study\.json: No space left"),
     ):
         patched.setattr(Path, "write_text", full)
-        StudyJournal(tmp_path, {})
+        StudyFolder(tmp_path, {})
     assert [file.name for file in tmp_path.iterdir()] == [".lock"]
     assert str(tmp_path / ".lock") not in [file.path for file in psutil.Process().open_files()]
 
@@ -205,7 +293,7 @@ def test_an_option_that_a_study_sets_itself_is_refused_by_name(
 class StoppedSolver(Solver):
     """Answers at once; Ctrl-C is typed while it is at the fourth unit."""
 
-    def __init__(self, sessions: Mapping[str, Session], panels: Sequence[Panel]) -> None:
+    def __init__(self, sessions: Mapping[str, Session], panels: Sequence[Panel], progress: ProgressToken) -> None:
         self._curves = {panel.name: panel.curves for panel in panels}
         self._n = 0
 
@@ -215,9 +303,12 @@ class StoppedSolver(Solver):
             raise KeyboardInterrupt
         return tuple(
             UnitAnswer(
-                **asdict(unit), curve=curve.label, instance_id=0, obj_id=1, ms=1.0, refiner_calls=1.0,
-                name="duck", quality=Quality(ar_vsd=1.0, ar_mssd=1.0, ar_mspd=1.0, add_s_mm=1.0, relative=0.01),
+                panel=unit.panel, x=unit.x, scene=unit.scene, curve=curve.label, ms=1.0, refiner_calls=1.0,
                 grasp="success" if study_is_grasped(unit) else "",
+                answer=Answer(
+                    frame=unit.frame, seed=unit.seed, instance_id=0, obj_id=1, name="duck", status="ok", ar=1.0,
+                    ar_vsd=1.0, ar_mssd=1.0, ar_mspd=1.0, add_s_mm=1.0, diameter_mm=100.0,
+                ),
             )
             for curve in self._curves[unit.panel]
         )  # fmt: skip
@@ -231,7 +322,8 @@ def study_is_grasped(unit: Unit) -> bool:
 def test_a_stopped_study_writes_what_it_has(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(run_study_module, "Solver", StoppedSolver)
+    monkeypatch.setattr(unit_work, "Solver", StoppedSolver)
+    monkeypatch.setattr(run_study_module, "Pool", PoolHere)
     session = tmp_path / "duck.toml"
     session.write_text('[scene]\ndemo = "duck"\n[method]\nrefiner = "icp"\n')
     out = tmp_path / "out"
@@ -257,9 +349,11 @@ def n_points(name: str) -> int:
 
 
 def test_claims_are_about_curves_of_their_panel() -> None:
-    studies = [StudyRequest(name, quick).study() for name in STUDIES for quick in (False, True)]
-    for panel in (panel for study in studies for panel in study.panels):
-        labels = [curve.label for curve in panel.curves]
-        assert len(set(labels)) == len(labels), panel.name
-        assert {c.better for c in panel.claims} | {c.worse for c in panel.claims} <= set(labels), panel.name
-        assert panel.xs == tuple(sorted(panel.xs)), panel.name
+    for name, quick in itertools.product(STUDIES, (False, True)):
+        panels = StudyRequest(name, quick).study().panels
+        curves = {panel.name: {curve.label for curve in panel.curves} for panel in panels}
+        for panel in panels:
+            assert len(curves[panel.name]) == len(panel.curves), panel.name
+            for claim in panel.claims:
+                assert {claim.better, claim.worse} <= curves[panel.name] & curves[claim.than or panel.name], panel.name
+            assert panel.xs == tuple(sorted(panel.xs)), panel.name

@@ -12,6 +12,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import BatchJob, check_jobs
 from verefine_viz.batch.motion_table import MOTION
@@ -21,8 +22,8 @@ from verefine_viz.batch.terminal import Terminal
 from verefine_viz.batch.totals import Notes
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.batch.worker_tasks import TaskName
-from verefine_viz.diagnosis.causes import Cause, cause_title
-from verefine_viz.run.record import Answer
+from verefine_viz.core.causes import Cause, cause_title
+from verefine_viz.run.record import Answer, RunRecord
 
 MISSED = {
     "objects_without_answer": "without a hypothesis",
@@ -55,7 +56,8 @@ def run_jobs(
     with ExitStack() as stack:
         pool = None
         if not backend.cluster:
-            pool = Pool(first.session, first.folder.absolute(), backend.n_workers, task, backend.limit_bytes)
+            work = FrameWork(first.session, first.folder.absolute(), task)
+            pool = Pool(work, backend.n_workers, backend.limit_bytes)
             stack.enter_context(closing(pool))
         progress = stack.enter_context(BatchProgress(Terminal(stderr=True), n_frames).shown())
         return _run_all(jobs, out, backend, retry_failed, task, pool, progress)
@@ -67,7 +69,7 @@ def _run_all(
     backend: Backend,
     retry_failed: bool,
     task: TaskName,
-    pool: Pool | None,
+    pool: Pool[str, RunRecord] | None,
     progress: BatchProgress,
 ) -> int:
     outcomes: list[tuple[BatchJob, BatchOutcome]] = []
@@ -98,11 +100,11 @@ def _run(
     backend: Backend,
     retry_failed: bool,
     task: TaskName,
-    pool: Pool | None,
+    pool: Pool[str, RunRecord] | None,
     progress: BatchProgress,
 ) -> BatchOutcome:
     if pool is not None:
-        pool.switch_to(job.session, job.folder.absolute())
+        pool.switch_to(FrameWork(job.session, job.folder.absolute(), task))
     with progress.run(title) as report:
         return run_batch(job.session, job.folder, backend, report, retry_failed, task, pool, progress.pace)
 

@@ -23,15 +23,16 @@ from distributed.comm.core import connect
 
 import verefine_viz
 from verefine_viz.batch.dask_worker import WorkerTools, solve_on_worker
-from verefine_viz.batch.frame_queue import FrameQueue
+from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.machine import gigabytes
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.runs import file_stem
+from verefine_viz.batch.work_queue import WorkQueue
 from verefine_viz.batch.worker_pool import interrupts_ignored
 from verefine_viz.batch.worker_tasks import ONE_THREAD, TaskName
 from verefine_viz.core.errors import SettingsError, UnavailableError, VerefineError
 from verefine_viz.core.settings import Session
-from verefine_viz.run.record import RunRecord, failed_run
+from verefine_viz.run.record import RunRecord
 from verefine_viz.run.session_file import FILES
 
 CONNECT_S = 10.0
@@ -132,7 +133,7 @@ class ClusterWorkers:
         task: TaskName,
     ) -> None:
         self._client, self._own, self._address = client, own, address
-        self._session = session
+        self._work = FrameWork(session, out, task)
         self._tools = WorkerTools(
             f"verefine-viz-{secrets.token_hex(4)}", session, out, task,
             (str(out), *_paths(session)), verefine_viz.__version__,
@@ -154,7 +155,7 @@ class ClusterWorkers:
     def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord | None]:
         """See :class:`verefine_viz.batch.run_batch.Workers`."""
         self._set_up()
-        queue = FrameQueue(frames, self._session.method.track)
+        queue = WorkQueue(frames, self._work.line_of)
         running: dict[Future, str] = {}
         while True:
             self._count_workers()
@@ -228,11 +229,11 @@ class ClusterWorkers:
         except KilledWorker as error:
             n = error.allowed_failures + 1
             why = f"{n} workers died on this frame (out of memory, or a library crashed)"
-            return failed_run(self._session, frame, why)
+            return self._work.lost(frame, why)
         except Exception as error:
             if future.status != "error":
                 raise self._gone() from None  # It is not the frame that failed: its answer cannot be fetched any more.
-            return failed_run(self._session, frame, f"{type(error).__name__}: {error}")
+            return self._work.lost(frame, f"{type(error).__name__}: {error}")
         return record
 
     def _count_workers(self) -> None:

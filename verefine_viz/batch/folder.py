@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, Literal
 
 import msgspec
 
@@ -51,6 +51,50 @@ _LEFT_BY_A_KILLED_BATCH = (
 """Files that only the process with the lock writes."""
 
 
+def take_folder(path: Path, mark: str, kind: Literal["batch", "study"]) -> BinaryIO:
+    """Makes a folder of results where it is not there, and has this process alone write to it.
+
+    Args:
+        path: the folder.
+        mark: name of the file that every such folder has.
+        kind: what it holds.
+
+    Returns:
+        The lock; closing it lets others write to the folder.
+
+    Raises:
+        InputError: ``path`` is not a folder, cannot be written, or holds something else.
+        UnavailableError: another process is writing to it.
+    """
+    check_folder(path)
+    _check_kind(path, mark, kind)  # Before anything is written: the folder may hold something else.
+    make_inside(path)
+    lock = try_lock(path / LOCK_FILE)
+    if lock is None:
+        raise UnavailableError(f"another {kind} is writing to {path}; wait for it or choose another --out")
+    try:
+        _check_kind(path, mark, kind)
+    except BaseException:
+        lock.close()
+        raise
+    return lock
+
+
+def _check_kind(path: Path, mark: str, kind: str) -> None:
+    try:
+        if (path / mark).exists() or not path.exists():
+            return
+        others = sorted(p.name for p in path.iterdir() if p.name != LOCK_FILE and p.suffix != ".part")
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    if others:
+        raise InputError(f"{path} holds other files ({others[0]}) and no {kind} run; choose another --out")
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError(f"cannot write to {path}: {path_fault(Path(error.filename or path), error)}")
+
+
 class RunFolder:
     """A batch folder that this process alone writes to, until :meth:`close`."""
 
@@ -64,26 +108,18 @@ class RunFolder:
         """
         self.path = path
         self.session = session
-        check_folder(path)
+        self._lock = take_folder(path, SESSION_FILE, "batch")
         try:
-            self._check_kind()  # Before anything is written: the folder may hold something else.
-            make_inside(path)
-            lock = try_lock(path / LOCK_FILE)
-            if lock is None:
-                raise UnavailableError(f"another batch is writing to {path}; wait for it or choose another --out")
-            self._lock = lock
-            try:
-                self._check_kind()
-                self._check_session()
-                self.save_session()
-                make_inside(path, "runs", "recordings")
-                check_no_link(path / ERRORS)
-                self._clear_parts()
-            except BaseException:
-                self.close()
-                raise
-        except OSError as error:
-            raise InputError(f"cannot write to {path}: {path_fault(Path(error.filename or path), error)}") from None
+            self._check_session()
+            self.save_session()
+            make_inside(path, "runs", "recordings")
+            check_no_link(path / ERRORS)
+            self._clear_parts()
+        except BaseException as error:
+            self.close()
+            if isinstance(error, OSError):
+                raise _unwritable(path, error) from None
+            raise
         self.runs = Runs(path / "runs")
 
     def close(self) -> None:
@@ -112,13 +148,6 @@ class RunFolder:
         """
         with atomic(self.path / name) as part:
             part.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")
-
-    def _check_kind(self) -> None:
-        if (self.path / SESSION_FILE).exists() or not self.path.exists():
-            return
-        others = sorted(p.name for p in self.path.iterdir() if p.name != LOCK_FILE and p.suffix != ".part")
-        if others:
-            raise InputError(f"{self.path} holds other files ({others[0]}) and no batch run; choose another --out")
 
     def _check_session(self) -> None:
         before = self.path / SESSION_FILE

@@ -2,40 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
 
 from msgspec import structs
 
+from verefine_viz.batch.answer_orders import Order, sort_key
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.runs import RUN_FILE, BatchInfo, Runs, read_run
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.files import LEVELS_BELOW
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
-from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.run.record import Answer, RunRecord, session_of
+from verefine_viz.run.record import Answer, RunRecord
 from verefine_viz.run.run_file import SUFFIX, read_run_file
+from verefine_viz.run.run_header import session_of
 from verefine_viz.run.session_file import load_session
-
-Order = Literal["error", "score", "misleading", "cause", "object", "frame", "time", "undetermined"]
-ORDERS: dict[Order, str] = {
-    "error": "largest error",
-    "score": "lowest score",
-    "misleading": "wrong, highest score",
-    "cause": "cause",
-    "object": "object",
-    "frame": "frame",
-    "time": "longest time",
-    "undetermined": "least certain turn",
-}
-"""Each with its words."""
-WITHOUT_TRUTH: dict[Order, str] = {**ORDERS, "error": "most doubtful"}
-del WITHOUT_TRUTH["misleading"]
-"""Those that mean something where no error is known."""
 
 
 @dataclass(frozen=True)
@@ -238,45 +222,3 @@ def _on(frames: tuple[str, ...], session: Session) -> Session:
 
 def _answers(record: RunRecord | None) -> tuple[Answer, ...]:
     return () if record is None or record.end is None else record.end.answers
-
-
-def sort_key(order: Order) -> Callable[[Answer], tuple[Any, ...]]:
-    """What to sort rows by.
-
-    error: failed, without an answer, then by error, the largest first. score: the same with the lowest score first.
-    misleading: wrong answers, the best scored first. cause, object: by name, each by error. frame: as they ran. time:
-    the longest first. undetermined: by ``undetermined_deg``, the largest first. Error is ADD(-S) as a share of the
-    diameter; objects without ground truth follow those with, by score.
-
-    Raises:
-        SettingsError: there is no such order.
-    """
-    if order not in ORDERS:
-        raise SettingsError(unknown("order", order, ORDERS))
-    return _SORT_KEYS[order]
-
-
-def _by_error(row: Answer) -> tuple[int, float]:
-    if row.status != "ok":
-        return _by_score(row)
-    if row.relative_error is None:
-        return (3 if row.cause == Cause.IMPOSSIBLE else 4), row.score or 0.0
-    return 2, -row.relative_error
-
-
-def _by_score(row: Answer) -> tuple[int, float]:
-    if row.status != "ok":
-        return (0 if row.status == "failed" else 1), 0.0
-    return 2, row.score or 0.0
-
-
-_SORT_KEYS: dict[Order, Callable[[Answer], tuple[Any, ...]]] = {
-    "error": _by_error,
-    "score": _by_score,
-    "misleading": lambda row: (row.is_correct is not False, -(row.score or 0.0)),
-    "cause": lambda row: (not row.cause, row.cause, *_by_error(row)),
-    "object": lambda row: (row.name, *_by_error(row)),
-    "frame": lambda row: (),
-    "time": lambda row: (-row.ms_total,),
-    "undetermined": lambda row: (row.undetermined_deg is None, -(row.undetermined_deg or 0.0)),
-}

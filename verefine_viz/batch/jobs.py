@@ -16,7 +16,7 @@ from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import say
 from verefine_viz.core.writing import check_no_link
-from verefine_viz.methods.registry import METHODS
+from verefine_viz.methods.known_methods import METHODS
 from verefine_viz.run.data_folder import open_session
 from verefine_viz.run.session_file import changed, load_session
 

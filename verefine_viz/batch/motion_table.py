@@ -15,11 +15,11 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.files import reading
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.number_kinds import Id, Real
 from verefine_viz.core.writing import atomic
 from verefine_viz.evaluation.pose_motion import Kind, Motion, MotionCounts, PosedFrame, Reference, counted, motions
 from verefine_viz.run.record import Answer, RunRecord
-from verefine_viz.scenes.frames import parse_frame
 
 MOTION = "motion.csv"
 NO_TURNS = np.zeros((0, 4, 4))

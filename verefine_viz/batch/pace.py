@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 
 from verefine_viz.run.answers import once_s
@@ -44,14 +44,14 @@ class Pace:
     """
 
     def __init__(self) -> None:
-        self._waiting: dict[str, int] = {}
+        self._waiting: dict[Hashable, int] = {}
         """Objects of frames that are still to begin, where they are known."""
         self._n_counted = self._n_objects = 0
         """Frames whose objects are known, and these together."""
-        self._begun: dict[str, tuple[float, float]] = {}
+        self._begun: dict[Hashable, tuple[float, float]] = {}
         """When each began, and its objects."""
-        self._unusual: set[str] = set()
-        self._once: dict[str, str] = {}
+        self._unusual: set[Hashable] = set()
+        self._once: dict[Hashable, str] = {}
         self._durations = _Durations()
         self._only_unusual = True
         self._n_workers = 0
@@ -60,11 +60,11 @@ class Pace:
 
     def expect(self, n_objects: Mapping[str, int]) -> None:
         """Frames that are to come, as far as it is known how many objects they have."""
-        self._waiting = dict(n_objects)
+        self._waiting = dict[Hashable, int](n_objects.items())
         self._n_counted += len(n_objects)
         self._n_objects += sum(n_objects.values())
 
-    def begin(self, frame: str, now: float) -> None:
+    def begin(self, frame: Hashable, now: float) -> None:
         """A worker begins with a frame."""
         self._count_work(now)
         self._begun[frame] = now, self._waiting.pop(frame, self._mean_objects)
@@ -72,12 +72,12 @@ class Pace:
         if self._first_done is None:
             self._unusual.add(frame)
 
-    def slow_down(self, frame: str, why: str) -> None:
+    def slow_down(self, frame: Hashable, why: str) -> None:
         """A frame in work has something compiled or prepared, which later ones need not repeat."""
         self._unusual.add(frame)
         self._once[frame] = why
 
-    def end(self, frame: str, now: float, end: RunEnd | None = None) -> None:
+    def end(self, frame: Hashable, now: float, end: RunEnd | None = None) -> None:
         """A frame is done; ``end`` has what its worker needed for it alone, None = unknown."""
         self._count_work(now)
         began, n_objects = self._begun.pop(frame)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import monotonic
+from typing import TYPE_CHECKING
 
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.markup import escape
@@ -17,9 +18,11 @@ from rich.table import Column
 from rich.text import Text
 
 from verefine_viz.batch.pace import Pace
-from verefine_viz.batch.run_batch import BatchStatus
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.run.kernel_compilation import COMPILING
+
+if TYPE_CHECKING:
+    from verefine_viz.batch.run_batch import BatchStatus
 
 EVERY_S = 20.0
 """Where there is no terminal (a log file), a line after so many seconds."""
@@ -93,15 +96,20 @@ class BatchProgress:
 
     def _rate(self) -> str:
         frame_s = self.pace.frame_s
-        return "starting" if frame_s is None else f"{two_digits(frame_s)} s a frame"
+        return self._once() or "starting" if frame_s is None else f"{two_digits(frame_s)} s a frame"
+
+    def _once(self) -> str:
+        """Say what is being done that later frames need not repeat; "" for nothing."""
+        once = self.pace.once
+        return "" if not once else "compiling" if COMPILING in once else "preparing"
 
     def _left(self) -> str:
         n_left = (self._total or 0) - self._n_done
         left_s = self.pace.left_s(n_left, monotonic())
         if left_s is None:
             return ""
-        once = self.pace.once
-        more = "" if not once else " + compiling" if COMPILING in once else " + preparing"
+        once = self._once()
+        more = f" + {once}" if once else ""
         return f"{clock(max(left_s, 1.0))} left{more}" if n_left else "writing tables"
 
     def _recall(self) -> str:

@@ -19,6 +19,7 @@ import msgspec
 import verefine_viz
 from verefine_viz.batch.completeness import BatchFiles, check_files, write_tables
 from verefine_viz.batch.folder import RunFolder
+from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.machine import (
     free_bytes,
     gigabytes,
@@ -34,14 +35,15 @@ from verefine_viz.batch.session_check import check
 from verefine_viz.batch.totals import BatchCounts
 from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import first_of
-from verefine_viz.run.record import RunRecord, failed_run
+from verefine_viz.run.record import RunRecord
+from verefine_viz.run.run_header import failed_run
 from verefine_viz.run.session_parts import weights_of
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.run.versions import package_versions
-from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import SceneSource
 
 NEEDED_BYTES = 1_000_000
@@ -55,7 +57,7 @@ _MOST_DAMAGED = 3
 class Workers(Protocol):
     """Where frames are solved: processes of this machine, or a cluster."""
 
-    def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord | str | None]:
+    def solve(self, frames: Iterable[str], pace: Pace, /) -> Iterator[RunRecord | str | None]:
         """The results of ``frames``, each once, in the order in which they are done; None where none came for a while.
 
         In between, once each, sentences on what takes longer than usual. The next of ``frames`` is taken when a worker
@@ -106,7 +108,7 @@ class Backend:
             return open_cluster(self.cluster, session, out, task, self.n_workers)
         from verefine_viz.batch.worker_pool import Pool
 
-        return Pool(session, out, self.n_workers, task, self.limit_bytes)
+        return Pool(FrameWork(session, out, task), self.n_workers, self.limit_bytes)
 
 
 @dataclass(frozen=True)
@@ -297,7 +299,7 @@ class _Batch:
                         "what is done is saved: free some space and repeat the command"
                     )
             message = end.answers[0].message
-            record = failed_run(self.session, frame, message, self._objects_in(frame, message))
+            record = failed_run(self.session, self._weights, frame, message, self._objects_in(frame, message))
             self.folder.runs.save(self.session, record)
         assert record.end is not None
         self.counts.add(record.end)

@@ -17,11 +17,11 @@ from msgspec import Meta
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.files import read_json
+from verefine_viz.core.frame_names import frame_name, parse_frame
 from verefine_viz.core.number_kinds import Real
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import SUFFIX, RunFile, read_run_file
-from verefine_viz.scenes.frames import frame_name, parse_frame
 
 
 class Runs:

@@ -20,11 +20,11 @@ from verefine_viz.batch.motion_table import (
 from verefine_viz.batch.runs import Runs
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.evaluation.pose_motion import NO_SYMMETRY
 from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.run.record import RunRecord
-from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import SceneSource
 
 if TYPE_CHECKING:  # Rerun takes a second to load.

@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.frame_names import frame_name, parse_frame
 from verefine_viz.core.settings import Session
 from verefine_viz.grasping.grasp_poses import grasp_files
 from verefine_viz.observation.given_order import Entries, checked, read_orders
@@ -13,7 +14,6 @@ from verefine_viz.physics.given_parts import check_collider_folder
 from verefine_viz.run.session_parts import check_source
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.environment_mesh import environment_mesh
-from verefine_viz.scenes.frames import frame_name, parse_frame
 from verefine_viz.scenes.models import ModelLibrary
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import traceback
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from functools import cache, partial
@@ -12,23 +11,24 @@ from typing import Protocol
 
 from msgspec import structs
 
-from verefine_viz.batch.folder import ERRORS
-from verefine_viz.batch.machine import temporary_folder
+from verefine_viz.batch.failures import save_traceback, why_failed
 from verefine_viz.batch.runs import Runs, file_stem
-from verefine_viz.batch.summary import object_facts, run_end
+from verefine_viz.batch.summary import object_facts, run_end, with_findings
 from verefine_viz.batch.worker_tasks import TaskName
-from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.finding import Finding
 from verefine_viz.core.protocols import RunState, Watcher
 from verefine_viz.core.records import Iteration
-from verefine_viz.core.writing import DISK_FULL, atomic
 from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.grasping.grasp_answer import AnswerGrasps, answer_grasps
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.run.answers import left_out_answer
 from verefine_viz.run.engine import Run
 from verefine_viz.run.kernel_compilation import compiling_reported
-from verefine_viz.run.record import Answer, RunEnd, RunRecord, failed_run, header_of, session_of
+from verefine_viz.run.record import Answer, RunEnd, RunRecord
 from verefine_viz.run.run_file import RunFile
+from verefine_viz.run.run_header import failed_run, header_of, session_of
+from verefine_viz.run.session_parts import weights_of
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.run.track import EarlierPose, with_its_tracked
 
@@ -80,55 +80,35 @@ def _result(
     try:
         with compiling_reported(compiling, partial(watch, "compile")):
             return solve(watch)
-    except VerefineError as error:
-        return failed_run(toolbox.session, frame, str(error))
     except Exception as error:
-        return _unforeseen(toolbox, frame, out, error)
-
-
-def _unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> RunRecord:
-    """The result of a frame that failed for an unforeseen reason; its traceback is saved below ``out``."""
-    where = _logged(frame, out, error)
-    if isinstance(error, OSError) and error.errno in DISK_FULL and error.filename is None:
-        disks = f"the disk of {out} or that of temporary files, {temporary_folder()}"
-        return failed_run(toolbox.session, frame, f"no space on {disks}: {error.strerror}")
-    return failed_run(toolbox.session, frame, f"{type(error).__name__}: {error}{where}")
-
-
-def _logged(frame: str, out: Path | None, error: Exception) -> str:
-    """Where the traceback of a frame's error is saved, for a message; "" where it could not be, or has no place."""
-    if out is None:
-        return ""
-    log = out / ERRORS / f"{file_stem(frame)}.txt"
-    # On a full disk all goes on the same, just without the traceback.
-    with suppress(InputError), atomic(log) as part:
-        part.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
-    return f" (see {ERRORS}/{log.name})" if log.is_file() else ""
+        return failed_run(toolbox.session, weights_of(toolbox.session), frame, why_failed(error, out, file_stem(frame)))
 
 
 def with_causes(end: RunEnd, run: Run, toolbox: Toolbox, out: Path | None = None) -> RunEnd:
-    """``end`` with ``cause`` and ``evidence`` in the answers that are wrong and have ground truth.
+    """``end`` with findings in the answers that are wrong and have ground truth.
 
-    Where the data of such a frame do not fit together, the doubts are in ``evidence`` as well. Where the diagnosis
-    fails, that is said there, and its traceback saved below ``out``.
+    Where the data of such a frame do not fit together, these have the doubts as well. Where the diagnosis fails, a
+    finding without a cause says so, and its traceback is saved below ``out``.
     """
     doubts = end.doubts
     try:
         diagnoses = diagnose(run, toolbox)
-        causes: dict[int | None, tuple[str, str]] = {d.instance_id: (str(d.main.cause), d.main.text) for d in diagnoses}
+        findings: dict[int | None, tuple[Finding, ...]] = {d.instance_id: d.findings for d in diagnoses}
         # Each has all of the frame's.
-        doubts = diagnoses[0].doubts if diagnoses else doubts
+        doubts = of_wrong = diagnoses[0].doubts if diagnoses else doubts
     except Exception as error:
         # The answers are there all the same.
-        known = isinstance(error, VerefineError)
-        why = str(error) if known else f"an error of the program{_logged(run.problem.frame, out, error)}"
+        known, stem = isinstance(error, VerefineError), file_stem(run.problem.frame)
+        why = str(error) if known else f"an error of the program{save_traceback(error, out, stem)}"
         why = f"no diagnosis: {why}"
-        causes = {row.instance_id: ("", why) for row in end.answers if row.has_truth and row.is_correct is not True}
-    rows = []
-    for row in end.answers:
-        unknown = ("", "") if row.has_truth else (row.cause, row.evidence)
-        cause, sentence = causes.get(row.instance_id, unknown)
-        rows.append(structs.replace(row, cause=cause, evidence=" ".join(sentence.split())))
+        unexplained = [row for row in end.answers if row.has_truth and row.is_correct is not True]
+        findings, of_wrong = {row.instance_id: (Finding("", why),) for row in unexplained}, ()
+    rows = [
+        with_findings(row, findings[row.instance_id], of_wrong)
+        if row.instance_id in findings
+        else structs.replace(row, doubts=() if row.has_truth else row.doubts)
+        for row in end.answers
+    ]
     return structs.replace(end, answers=tuple(rows), doubts=doubts)
 
 
@@ -148,7 +128,8 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
             return answer_grasps(problem, [best and best.T_cam_obj for best in state.best], settings)
 
     recorded = with_its_tracked(session, problem)
-    file = RunFile(runs.path(frame), recorded)
+    weights = weights_of(recorded)
+    file = RunFile(runs.path(frame), recorded, weights)
     recorder = Recorder(
         out / "recordings" / f"{file_stem(frame)}.rrd",
         recorded,
@@ -156,6 +137,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
         toolbox.verifier_of,
         refiner_of=toolbox.refiner_of,
         grasps_of=grasping,
+        weights=weights,
     )
     timed = [_Timed(recorder, watch)] if keep == "all" else []
     with closing(file):
@@ -166,7 +148,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
                 run.finish()
             grasps = grasping(run.final_state)
             with watch("summarise"):
-                end = run_end(run, session, recorder.landscapes, grasps, toolbox.surfaces)
+                end = run_end(run, session, recorder.allowed, grasps, toolbox.surfaces)
             is_recorded = keep == "all" or (keep == "failures" and end.is_failure)
             if is_recorded and not timed:
                 run.show([_Timed(recorder, watch)])
@@ -183,7 +165,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
             with suppress(VerefineError):
                 recorder.close()
             raise
-    return RunRecord(header_of(problem, run.state_at(0), recorded), (), end)
+    return RunRecord(header_of(problem, run.state_at(0), recorded, weights), (), end)
 
 
 def end_again(run: Run, recorded: RunRecord) -> RunEnd:
@@ -276,7 +258,7 @@ def _estimated(toolbox: Toolbox, frame: str, out: Path, watch: _Stopwatch) -> Ru
     n_unreadable = sum(one.is_unreadable for one in problem.left_out)
     seconds = time.perf_counter() - started
     record = RunRecord(
-        header_of(problem, None, session),
+        header_of(problem, None, session, weights_of(session)),
         (),
         RunEnd(answers=tuple(answers), seconds=seconds, stages_ms=watch.stages_ms, n_unreadable=n_unreadable),
     )

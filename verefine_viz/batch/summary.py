@@ -4,30 +4,39 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from msgspec import structs
 
+from verefine_viz.core.accuracy import CORRECT
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.doubt import texts_of
+from verefine_viz.core.finding import Finding
+from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.data_doubts import answer_doubts
+from verefine_viz.diagnosis.data_doubts import run_doubts
 from verefine_viz.diagnosis.impossible import impossible_answers
 from verefine_viz.diagnosis.lost_poses import discarded
-from verefine_viz.evaluation.landscape import Landscape, undetermined
-from verefine_viz.evaluation.matched_estimates import CORRECT
+from verefine_viz.diagnosis.measured_heights import measured_heights
+from verefine_viz.evaluation.allowed_poses import AllowedPoses
+from verefine_viz.evaluation.allowed_search import allowed_poses
+from verefine_viz.evaluation.answer_recalls import answer_recalls
 from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, pose_errors
+from verefine_viz.evaluation.seen_error import nearest_allowed
 from verefine_viz.grasping.grasp_answer import AnswerGrasps
-from verefine_viz.methods.registry import method_of
+from verefine_viz.methods.known_methods import method_of
+from verefine_viz.physics.plausibility import plausibility
 from verefine_viz.physics.proximity import Surfaces
 from verefine_viz.run.answers import left_out_answer
 from verefine_viz.run.edits import never_reached
 from verefine_viz.run.engine import Run
-from verefine_viz.run.record import DATA_FIRST, Answer, RunEnd
+from verefine_viz.run.record import Answer, RunEnd
 from verefine_viz.scenes.trace_files import NOT_CLOSED
 
 MUCH, MUCH_SCORE = 0.03, 0.01
@@ -37,7 +46,7 @@ MUCH, MUCH_SCORE = 0.03, 0.01
 def run_end(
     run: Run,
     session: Session,
-    recorded: Mapping[int, Landscape] = MappingProxyType({}),
+    recorded: Mapping[int, AllowedPoses] = MappingProxyType({}),
     grasps: AnswerGrasps | None = None,
     surfaces: Surfaces | None = None,
 ) -> RunEnd:
@@ -46,27 +55,27 @@ def run_end(
     Args:
         run: finished.
         session: what was run.
-        recorded: the score around its answers, by instance, where its recording has it already.
+        recorded: what the image allows beside its answers, by instance, where its recording has it already.
         grasps: what became of its answers in the gripper, where that was tried.
         surfaces: of the models, where they are cached.
     """
     problem, state = run.problem, run.final_state
     poses = [None if best is None else best.T_cam_obj for best in state.best]
-    doubts = answer_doubts(problem, poses, session.score.colour_weight)
+    doubts = texts_of(run_doubts(problem, poses, session.score.colour_weight))
     rows = tuple(
         _object_row(problem, target, best, initial, run, session, recorded.get(target.instance.instance_id))
         for target, best, initial in zip(problem.targets, state.best, state.initial, strict=True)
     )
     simulates = session.physics.enabled and method_of(session.method.name).simulates
-    impossible = {}
+    heights, impossible = None, {}
     if simulates and not doubts:
-        impossible = impossible_answers(problem, poses, session.physics, surfaces or Surfaces())
+        heights = measured_heights(problem, state.best)
+        check = partial(plausibility, settings=session.physics, surface_of=surfaces or Surfaces())
+        impossible = impossible_answers(problem, poses, check, heights)
     for own, finding in impossible.items():
-        blamed = {"cause": str(finding.cause), "evidence": finding.text}
-        rows = tuple(structs.replace(row, **blamed) if row.instance_id == own else row for row in rows)
+        rows = tuple(with_findings(row, [finding]) if row.instance_id == own else row for row in rows)
     if doubts:
-        evidence = " ".join(f"{DATA_FIRST} {doubt}." for doubt in doubts)
-        rows = tuple(structs.replace(row, evidence=evidence) if row.status == "ok" else row for row in rows)
+        rows = tuple(structs.replace(row, doubts=doubts) if row.status == "ok" else row for row in rows)
     if grasps is not None:
         rows = tuple(_with_grasp(row, grasps) for row in rows)
     rows += tuple(
@@ -75,6 +84,7 @@ def run_end(
     no_physics = _no_physics(problem, session)
     notes = (*problem.notes, *([no_physics] if no_physics else []))
     notes += never_reached(run.edits, session.changes, run.length)
+    notes += () if heights is None else (heights.describe(),)
     notes += () if grasps is None else grasps.notes
     return RunEnd(
         answers=rows,
@@ -82,6 +92,13 @@ def run_end(
         doubts=doubts,
         n_unreadable=sum(one.is_unreadable for one in problem.left_out),
     )
+
+
+def with_findings(row: Answer, findings: Sequence[Finding], doubts: tuple[str, ...] = ()) -> Answer:
+    """The answer with why it is wrong. The main finding is to be looked at in the iteration that did most harm."""
+    main, *others = findings
+    at = main.iteration if row.worst_iteration is None else row.worst_iteration
+    return structs.replace(row, findings=(structs.replace(main, iteration=at), *others), doubts=doubts)
 
 
 def _with_grasp(row: Answer, grasps: AnswerGrasps) -> Answer:
@@ -105,7 +122,7 @@ def _object_row(
     initial: Scores | None,
     run: Run,
     session: Session,
-    around: Landscape | None,
+    allowed: AllowedPoses | None,
 ) -> Answer:
     iterations = [i for i in run.iterations if i.instance_id == target.instance.instance_id]
     facts = {
@@ -115,7 +132,7 @@ def _object_row(
     }
     if best is None or initial is None:
         return Answer(**facts, status="no_answer", message="no hypothesis to start from")
-    around = around or undetermined(run.final_verifier, target, best.T_cam_obj)
+    allowed = allowed or allowed_poses(run.final_verifier, target, best.T_cam_obj, (), run.iterations)
     return Answer(
         **facts,
         status="ok",
@@ -126,12 +143,13 @@ def _object_row(
         colour_fit=best.score.colour_fit,
         plausibility=best.score.plausibility,
         recorded_score=target.instance.recorded_score(best.T_cam_obj),
-        **_errors(target, best, initial),
+        **_with_error_seen(_errors(problem, target, best, initial), run, target, best.T_cam_obj),
         best_hypothesis=best.arm + 1,
         best_iteration=best.iteration,
         worst_iteration=worst_iteration(target, iterations, best if method_of(session.method.name).verifies else None),
-        undetermined_mm=around.undetermined_mm,
-        undetermined_deg=around.undetermined_deg,
+        undetermined_mm=allowed.undetermined_mm,
+        undetermined_deg=allowed.undetermined_deg,
+        n_alike=len(allowed.alike),
         n_iterations=len(iterations),
         events=_counted(iterations),
         **_times(iterations),
@@ -167,17 +185,46 @@ def missing_depth(target: Target) -> float | None:
     return float((depth_m == 0).mean()) if depth_m.size else None
 
 
-def _errors(target: Target, best: Best, initial: Scores) -> dict[str, Any]:
+def _errors(problem: Problem, target: Target, best: Best, initial: Scores) -> dict[str, Any]:
     T_gt = target.instance.T_cam_obj_gt
     if T_gt is None:
         return {}
-    final = pose_errors(target.model, best.T_cam_obj, T_gt)
     first = target.instance.hypotheses[int(np.argmax(initial.score))].T_cam_obj
+    errors = answer_errors(target, best.T_cam_obj, problem.observation)
+    return {**errors, "initial_add_s_mm": add_s_mm(target.model, first, T_gt)}
+
+
+def _with_error_seen(errors: dict[str, Any], run: Run, target: Target, T_est: Float) -> dict[str, Any]:
+    """The errors, and how far the answer is from the nearest pose that the image allows beside ground truth."""
+    T_gt, limit_mm = target.instance.T_cam_obj_gt, CORRECT * 1e3 * target.model.diameter_m
+    if T_gt is None:
+        return errors
+    seen_mm = errors["add_s_mm"]
+    if seen_mm >= limit_mm:
+        of_gt = allowed_poses(run.final_verifier, target, T_gt, (), run.iterations)
+        seen_mm = min(seen_mm, nearest_allowed(of_gt, target.model, T_est)[1])
+    return {**errors, "error_seen_mm": seen_mm, "right_seen": seen_mm < limit_mm}
+
+
+def answer_errors(target: Target, T_est: Float, observation: Observation) -> dict[str, Any]:
+    """The columns about how far an answer is from the ground truth of its object, which is known.
+
+    Args:
+        target: the object.
+        T_est: (4, 4) the answer [m].
+        observation: of the frame, whose depth says what is visible.
+    """
+    T_gt = target.instance.T_cam_obj_gt
+    assert T_gt is not None
+    errors, recalls = pose_errors(target.model, T_est, T_gt), answer_recalls(target, T_est, observation)
     return {
-        "add_s_mm": final.add_s_mm,
-        "initial_add_s_mm": add_s_mm(target.model, first, T_gt),
-        "rotation_deg": final.rotation_deg,
-        "translation_mm": final.translation_mm,
+        "add_s_mm": errors.add_s_mm,
+        "rotation_deg": errors.rotation_deg,
+        "translation_mm": errors.translation_mm,
+        "ar": recalls.ar,
+        "ar_vsd": recalls.ar_vsd,
+        "ar_mssd": recalls.ar_mssd,
+        "ar_mspd": recalls.ar_mspd,
     }
 
 

@@ -78,10 +78,10 @@ def describe_doubts(runs: Sequence[tuple[str, Iterable[Answer]]]) -> str:
     """:meth:`Doubts.describe` of the rows of one or several (run, rows); of several a frame is named with its run."""
     doubts, n_frames = Doubts(), 0
     for run, rows in runs:
-        # All objects of a frame have the same doubt, or none where the answer is right.
+        # All objects of a frame have the same doubts, or none where the answer is right.
         by_frame: dict[str, str] = {}
         for row in rows:
-            by_frame[row.frame] = by_frame.get(row.frame, "") or row.doubt
+            by_frame[row.frame] = by_frame.get(row.frame, "") or "".join(row.doubts[:1])
         n_frames += len(by_frame)
         for frame, why in by_frame.items():
             if why:

@@ -19,18 +19,19 @@ from typing import Any
 from msgspec import structs
 
 from verefine_viz.batch.folder import SESSION_FILE, RunFolder
+from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.run_batch import Backend, BatchStatus, run_batch
 from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, one_line
+from verefine_viz.core.frame_names import frame_name
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import check_folder, check_no_link, try_lock
 from verefine_viz.run.data_folder import CAMERAS, SCENES, data_at, holds_frames
 from verefine_viz.run.record import WAITING, Answer, RunRecord
 from verefine_viz.run.session_file import load_session, save_session
-from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.source import open_scene
 from verefine_viz.scenes.trace_files import is_trace, traces_in, written_ns
 
@@ -158,7 +159,7 @@ class Watch:
         self._base, self._overrides, self._n_workers = base, overrides or {}, n_workers
         self._watched: dict[Path, WatchedDataset] = {}
         self._faults: dict[Path, str] = {}
-        self._pool: Pool | None = None
+        self._pool: Pool[str, RunRecord] | None = None
         self._stopping = threading.Event()
         self._changed: Callable[[], None] = lambda: None
         self._looked_at = 0.0
@@ -272,9 +273,10 @@ class Watch:
         session, frames, out = watched.session, watched.frames, watched.out.absolute()
         try:
             _accept_growth(watched)
+            work = FrameWork(session, out, "explain")
             if self._pool is None:
-                self._pool = Pool(session, out, self._n_workers, "explain", pause_s=POLL_S)
-            self._pool.switch_to(session, out)
+                self._pool = Pool(work, self._n_workers, pause_s=POLL_S)
+            self._pool.switch_to(work)
             workers = _Newest(self._pool, watched)
             run_batch(session, watched.out, Backend(self._n_workers), self._report, workers=workers)
             watched.written = frames
@@ -304,7 +306,7 @@ class _Newest:
     tracked, the oldest.
     """
 
-    pool: Pool
+    pool: Pool[str, RunRecord]
     watched: WatchedDataset
 
     def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord | str | None]:

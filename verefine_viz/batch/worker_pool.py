@@ -1,48 +1,44 @@
-"""Worker processes, a frame each at a time. One that dies takes at most its frame with it."""
+"""Worker processes, an item each at a time, as a frame. One that dies takes at most its item with it."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import connection, get_context
 from multiprocessing.process import BaseProcess
-from pathlib import Path
 from time import monotonic
+from typing import Generic, TypeVar
 
-from verefine_viz.batch.frame_queue import FrameQueue
 from verefine_viz.batch.machine import SHARE, gigabytes, machine_bytes, peak_bytes, resident_bytes
 from verefine_viz.batch.pace import Pace
+from verefine_viz.batch.work_queue import WorkQueue
 from verefine_viz.batch.worker_process import work
-from verefine_viz.batch.worker_tasks import TaskName
-from verefine_viz.core.settings import Session
-from verefine_viz.run.record import RunRecord, failed_run
+from verefine_viz.batch.worker_tasks import Work
+
+Item = TypeVar("Item", bound=Hashable)
+Result = TypeVar("Result")
 
 TRIES = 2
-"""How often a frame is given out whose worker dies: the reason may have been another process (out of memory)."""
+"""How often an item is given out whose worker dies: the reason may have been another process (out of memory)."""
 
 
-@dataclass
-class _Worker:
+@dataclass(eq=False)
+class _Worker(Generic[Item, Result]):
     process: BaseProcess
     channel: connection.Connection
-    session: Session
-    out: Path
-    """Folder of the batch."""
-    frame: str = ""
+    work: Work[Item, Result] | None = None
 
-    def give(self, frame: str, session: Session, out: Path) -> None:
-        self.frame = frame
+    def give(self, work: Work[Item, Result], item: Item | None) -> None:
+        """Has it solve an item, or only make the tools of a work."""
         # If the process has just died, reading the channel will show it.
         with suppress(OSError):
-            if (self.session, self.out) != (session, out):
-                self.channel.send((session, out))
-            self.channel.send(frame)
-        self.session, self.out = session, out
+            self.channel.send((None if self.work == work else work, item))
+        self.work = work
 
-    def answer(self) -> RunRecord | str | None:
+    def answer(self) -> Result | str | None:
         """Its result, or a sentence on what is taking long; None where it died instead."""
         try:
             return self.channel.recv()
@@ -56,35 +52,31 @@ class _Worker:
         self.channel.close()
 
 
-class Pool:
-    """Workers for one session at a time. The first starts at once, so that it imports while others prepare.
+class Pool(Generic[Item, Result]):
+    """Workers for one work at a time. The first starts at once, so that it imports while others prepare.
 
     Args:
-        session: what they work on.
-        out: the folder of the batch.
+        work: what they do with each item.
         n_workers: most processes at a time.
-        task: what they do with each frame.
-        limit_bytes: a worker that holds more than this after a frame is replaced by a new one; None: its share of
+        limit_bytes: a worker that holds more than this after an item is replaced by a new one; None: its share of
             the machine's memory.
         pause_s: most time between two results, or None in their place [s]; None: they come when they come.
     """
 
     def __init__(
         self,
-        session: Session,
-        out: Path,
+        work: Work[Item, Result],
         n_workers: int,
-        task: TaskName = "solve",
         limit_bytes: int | None = None,
         pause_s: float | None = None,
     ) -> None:
         self._pause_s = pause_s
-        self._session, self._out, self._n_workers, self._task = session, out, n_workers, task
+        self._work, self._n_workers = work, n_workers
         self._given_limit_bytes = limit_bytes
         self._peak_bytes = 0
         self._n_renewed = 0
         self._most_workers = 1
-        self._tries: dict[str, int] = {}
+        self._tries: dict[Item, int] = {}
         self._reported: set[str] = set()
         self._workers = [self._started()]
 
@@ -105,28 +97,29 @@ class Pool:
 
     @property
     def _limit_bytes(self) -> int:
-        """What a worker may hold: they share the memory, and there are no more of them than frames."""
+        """What a worker may hold: they share the memory, and there are no more of them than items."""
         return self._given_limit_bytes or int(SHARE * machine_bytes() / self._most_workers)
 
-    def switch_to(self, session: Session, out: Path) -> None:
-        """From now on frames are those of another batch; processes stay, which saves seconds of imports each."""
-        self._session, self._out = session, out
+    def switch_to(self, work: Work[Item, Result]) -> None:
+        """From now on items are those of another work; processes stay, which saves seconds of imports each."""
+        self._work = work
         self._tries.clear()
 
-    def solve(self, frames: Iterable[str], pace: Pace | None = None) -> Iterator[RunRecord | str | None]:
-        """See :class:`verefine_viz.batch.run_batch.Workers`."""
-        in_order, pace = self._session.method.track, pace or Pace()
-        queue = FrameQueue(frames, in_order)
-        idle, busy = list(self._workers), list[_Worker]()
+    def solve(self, items: Iterable[Item], pace: Pace | None = None) -> Iterator[Result | str | None]:
+        """The results of ``items``: see :class:`verefine_viz.batch.run_batch.Workers`."""
+        of, pace = self._work, pace or Pace()
+        queue = WorkQueue(items, of.line_of)
+        idle, busy = list(self._workers), dict[_Worker[Item, Result], Item]()
 
         def give_out() -> None:
             while len(busy) < self._n_workers:
-                frame = queue.take([worker.frame for worker in busy])
-                if frame is None:
+                item = queue.take(busy.values())
+                if item is None:
                     return
-                busy.append(idle.pop() if idle else self._added())
-                busy[-1].give(frame, self._session, self._out)
-                pace.begin(frame, monotonic())
+                worker = idle.pop() if idle else self._added()
+                busy[worker] = item
+                worker.give(of, item)
+                pace.begin(item, monotonic())
 
         give_out()
         while busy:
@@ -136,40 +129,41 @@ class Pool:
             for worker in [w for w in busy if w.channel in ready]:
                 result = worker.answer()
                 if isinstance(result, str):
-                    pace.slow_down(worker.frame, result)
+                    pace.slow_down(busy[worker], result)
                     if result not in self._reported:
                         self._reported.add(result)
                         yield result
                     continue
-                busy.remove(worker)
-                pace.end(worker.frame, monotonic(), result and result.end)
+                item = busy.pop(worker)
+                pace.end(item, monotonic(), None if result is None else of.end_of(result))
                 if result is not None and self._fits(worker):
                     idle.append(worker)
                 else:
                     self._remove(worker)
-                if result is None and self._may_try_again(worker.frame):
-                    queue.again(worker.frame)
+                if result is None and self._may_try_again(item):
+                    queue.again(item)
                 elif result is None:
-                    result = failed_run(self._session, worker.frame, _last_words(worker.process.exitcode))
-                if in_order and result is not None:
-                    yield result  # The frame after it finds its answers on the disk.
+                    result = of.lost(item, _last_words(worker.process.exitcode))
+                in_line = of.line_of(item) is not None
+                if in_line and result is not None:
+                    yield result  # The next of its line finds it on the disk.
                 give_out()
-                if not in_order and result is not None:
+                if not in_line and result is not None:
                     yield result
 
     def close(self) -> None:
-        """Ends all workers, also in the middle of a frame."""
+        """Ends all workers, also in the middle of an item."""
         for worker in self._workers:
             worker.kill()
         for worker in self._workers:
             worker.process.join()
         self._workers = []
 
-    def _may_try_again(self, frame: str) -> bool:
-        self._tries[frame] = self._tries.get(frame, 0) + 1
-        return self._tries[frame] < TRIES
+    def _may_try_again(self, item: Item) -> bool:
+        self._tries[item] = self._tries.get(item, 0) + 1
+        return self._tries[item] < TRIES
 
-    def _fits(self, worker: _Worker) -> bool:
+    def _fits(self, worker: _Worker[Item, Result]) -> bool:
         pid = worker.process.pid
         if pid is None:
             return True
@@ -178,25 +172,27 @@ class Pool:
         self._n_renewed += not fits
         return fits
 
-    def _remove(self, worker: _Worker) -> None:
+    def _remove(self, worker: _Worker[Item, Result]) -> None:
         worker.kill()
         worker.process.join()
         self._workers.remove(worker)
 
-    def _added(self) -> _Worker:
+    def _added(self) -> _Worker[Item, Result]:
         self._workers.append(self._started())
         self._most_workers = max(self._most_workers, len(self._workers))
         return self._workers[-1]
 
-    def _started(self) -> _Worker:
+    def _started(self) -> _Worker[Item, Result]:
         # spawn: an OpenGL context does not survive a fork.
         context = get_context("spawn")
         ours, theirs = context.Pipe()
-        process = context.Process(target=work, args=(theirs, self._session, self._out, self._task), daemon=True)
+        process = context.Process(target=work, args=(theirs,), daemon=True)
         with interrupts_ignored():
             process.start()
         theirs.close()
-        return _Worker(process, ours, self._session, self._out)
+        started = _Worker[Item, Result](process, ours)
+        started.give(self._work, None)
+        return started
 
 
 @contextmanager

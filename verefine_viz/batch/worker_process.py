@@ -1,6 +1,7 @@
-"""A worker process: builds a session's tools once, then solves the frames it is given; it may get another session.
+"""A worker process: makes the tools of a work once, then solves the items it is given; it may get another work.
 
-This module must not import numpy or numba, which read the number of threads when they are imported.
+This module must not import numpy or numba, which read the number of threads when they are imported. A work comes
+through the channel, so that what it imports is imported here after that number is set.
 """
 
 from __future__ import annotations
@@ -9,44 +10,40 @@ import os
 import signal
 import threading
 from multiprocessing import connection, parent_process
-from pathlib import Path
 
-from verefine_viz.batch.worker_tasks import ONE_THREAD, TaskName
-from verefine_viz.core.settings import Session
+from verefine_viz.batch.worker_tasks import ONE_THREAD
 
 
-def work(channel: connection.Connection, session: Session, out: Path, task: TaskName) -> None:
-    """The process's main: receives frames or another (session, out), sends results, until the channel closes.
+def work(channel: connection.Connection) -> None:
+    """The process's main: receives works and items, sends results, until the channel closes.
 
+    A message is a work and an item of it: no item where it comes later, no work where it is that of the last message.
     Before a result it may send a sentence on what is taking long.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent ends it.
-    # One frame per core beats several threads in one frame.
+    # One item per core beats several threads in one item.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
-    from verefine_viz.batch.solve_frame import TASKS
     from verefine_viz.core.progress_token import ProgressToken
     from verefine_viz.run.kernel_compilation import COMPILING, CompilingTurn
-    from verefine_viz.run.toolbox import Toolbox
 
-    progress = ProgressToken(report_once=channel.send)
-    toolbox, solve = Toolbox(session, progress), TASKS[task]
-    turn = CompilingTurn()
+    progress, turn = ProgressToken(report_once=channel.send), CompilingTurn()
 
     def compiling() -> None:
         channel.send(COMPILING)
         turn.take()
 
+    solve = None
     try:
         while True:
-            received = channel.recv()
-            if isinstance(received, str):
-                channel.send(solve(toolbox, received, out, compiling))
+            given, item = channel.recv()
+            if given is not None:
+                solve = given.begin(progress)
+            if item is not None:
+                assert solve is not None, "the first message has a work"
+                channel.send(solve(item, compiling))
                 turn.end()
-            else:
-                session, out = received
-                toolbox = Toolbox(session, progress)
     except (EOFError, BrokenPipeError):
         return
 

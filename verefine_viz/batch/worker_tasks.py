@@ -1,11 +1,44 @@
-"""What workers of every kind are given: their task, and one thread to use. Imports nothing: see ``worker_process``."""
+"""What workers of every kind are given: their work, and one thread to use. Imports nothing: see ``worker_process``."""
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Callable, Hashable
+from typing import TYPE_CHECKING, Literal, Protocol, TypeVar
+
+if TYPE_CHECKING:
+    from verefine_viz.core.progress_token import ProgressToken
+    from verefine_viz.run.record import RunEnd
 
 ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables that are set to 1 before a worker loads numpy or numba."""
 
 TaskName = Literal["solve", "explain", "estimate"]
 """What workers do with a frame: solve it; solve it and explain wrong answers; only make initial poses."""
+
+Item = TypeVar("Item", bound=Hashable, contravariant=True)
+Result = TypeVar("Result")
+
+
+class Work(Protocol[Item, Result]):
+    """What worker processes do with items. It is sent to them, so it is small; equal ones are interchangeable."""
+
+    def begin(self, progress: ProgressToken) -> Callable[[Item, Callable[[], None]], Result]:
+        """Make the tools, in a worker.
+
+        Returns:
+            A function from an item to its result, which never raises. It calls its second argument whenever a kernel is
+            about to be compiled. Results are no sentences (str), which stand for what is taking long.
+        """
+        ...
+
+    def lost(self, item: Item, why: str) -> Result:
+        """The result of an item whose worker died each time."""
+        ...
+
+    def line_of(self, item: Item) -> Hashable:
+        """Items of the same line are solved one after the other; None = at any time."""
+        ...
+
+    def end_of(self, result: Result) -> RunEnd | None:
+        """What the worker needed for this item alone; None = unknown."""
+        ...

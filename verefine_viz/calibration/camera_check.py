@@ -20,9 +20,12 @@ from scipy.spatial import KDTree
 from verefine_viz.calibration.outlines import OutlineFit, fit_outline
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
+from verefine_viz.core.data_remedies import of_models
+from verefine_viz.core.doubt import Doubt, DoubtKind, times_words
 from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import DataSettings
 
 MOST, SMALLEST_PX = 6, 24
 """Objects of a frame that are compared, the largest first, and the smallest (square root of the mask's area)."""
@@ -32,15 +35,34 @@ FEWEST_SURE, FEWEST_TOGETHER = 1 / 3, 2
 """Share of the objects that must be sure, and number where a single mask may be too narrow or lie beside by chance."""
 OFF, MOST_DISSENT = 0.04, 0.25
 """Least share by which factors are off, and share of the objects that may be off by less than half as much."""
-MASK_PX, PLAIN_PX = 4, 2
-"""All masks may be too wide by less on each side; and what explains places better by less is no better [px]."""
+MASK_PX, PLAIN_PX, ALONE_PX = 4, 2, 20
+"""All masks may be too wide by less on each side; what explains places better by less is no better; and a single
+object nearer to the image's centre than the last does not show whether camera or models are off [px]."""
 BESIDE, LITTLE = 0.015, 0.25
 """Least displacement (share of the image's width), and least share of its larger side at which the other is named."""
 FEW = 3
 """With fewer objects chance may look like a rule."""
-OFF_DEPTH, OTHER_UNIT = 0.05, 5.0
-"""Estimators' own distances may all be off by this share; what is off by a larger factor is of another unit."""
-IN_ORDER = "objects appear as large as their models in their ground-truth poses"
+OFF_DEPTH = 0.05
+"""Estimators' own distances may all be off by this share."""
+LIKELY = (
+    (4.0, "steps of 0.25 mm (RealSense L515) and millimetres"),
+    (5.0, "steps of 0.2 mm (TUM) and millimetres"),
+    (8.0, "steps of 0.125 mm and millimetres"),
+    (10.0, "steps of 0.1 mm (YCB-V, RealSense D405) and millimetres"),
+    (39.37, "metres and inches"),
+    (1000.0, "metres and millimetres"),
+)
+"""Factors by which depth is often off, or one over them, and what was mixed up; the share is that of LIKE."""
+LIKE = 0.04
+"""Factors that differ by less are the same."""
+SHARES_M = 0.5
+"""A single object has to be measured at another distance than its pose by this share of its size, as another side of it
+may lie nearer by less."""
+SURELY_OFF, SURELY_OFF_ALONE, ALIKE = 0.15, 0.3, 0.1
+"""Least share by which initial poses show a camera to be off, with several objects or one, and how alike they are."""
+SHARE_OF_FACTOR = 0.2
+"""A factor whose error is less than this share of its logarithm is sure as well; fewer than half the objects are enough
+where the others' factors are the same within two errors."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +74,45 @@ class CameraVerdict:
     cause: str | None = None
     """"focal length", "one focal length", "principal point", "image" (cam_K is of images of another size), "models",
     "focal length or models", "distances" (of the ground-truth poses), "masks", "depth", or nothing is off."""
+    remedy: DataSettings | None = None
+    """What would put it right; None where nothing of the data does. Models: ``model_factor``."""
+    model_factor: float = 1.0
+    """How many times as large the models would fit."""
+
+    def doubt(self, problem: Problem) -> Doubt:
+        """The doubt about a frame."""
+        kind, short = TITLES[self.cause]
+        remedy, numbers = self.remedy, {}
+        if remedy is not None:
+            fx, fy, cx, cy = remedy.camera_times
+            numbers = {
+                "depth_times": remedy.depth_times,
+                "fx_times": fx,
+                "fy_times": fy,
+                "cx_times": cx,
+                "cy_times": cy,
+            }
+        if self.cause == "models":
+            remedy = of_models([*problem.models], self.model_factor)
+            numbers = {"model_times": self.model_factor}
+        if self.cause == "depth" and remedy is not None:
+            short = f"depth {times_words(remedy.depth_times)}"
+        numbers = {name: number for name, number in numbers.items() if number != 1}
+        return Doubt(kind, f"{self.message}: {self.advice}", short, numbers=numbers, remedy=remedy)
+
+
+TITLES: dict[str | None, tuple[DoubtKind, str]] = {
+    "focal length": (DoubtKind.CAMERA, ""),
+    "one focal length": (DoubtKind.CAMERA, "fx or fy of K off"),
+    "principal point": (DoubtKind.CAMERA, "cx, cy of K off"),
+    "image": (DoubtKind.CAMERA, "K of another image size"),
+    "focal length or models": (DoubtKind.CAMERA, "K or models off"),
+    "models": (DoubtKind.MODEL_SCALE, ""),
+    "distances": (DoubtKind.POSE_SCALE, ""),
+    "masks": (DoubtKind.MASK, "masks displaced"),
+    "depth": (DoubtKind.DEPTH_SCALE, ""),
+}
+"""What doubts are about by cause of a verdict, and their words for a badge."""
 
 
 def outline_fits(
@@ -68,16 +129,17 @@ def outline_fits(
     return [fit for fit in fits if fit is not None]
 
 
-def camera_notes(problem: Problem) -> tuple[str, ...]:
-    """A note where objects with ground truth do not appear as, and where, it says."""
+def camera_doubts(problem: Problem) -> tuple[Doubt, ...]:
+    """A doubt where objects with ground truth do not appear as, and where, it says."""
     seen, instances = problem.observation, problem.instances
     known = [(problem.models[i.obj_id], i.T_cam_obj_gt, i.mask) for i in instances if i.T_cam_obj_gt is not None]
     sizes = verdict(outline_fits(known, seen.camera, seen.depth_m, seen.object_mask))
-    return (f"{sizes.message}: {sizes.advice}",) if sizes.advice else ()
+    return (sizes.doubt(problem),) if sizes.advice else ()
 
 
-def verdict(fits: Sequence[OutlineFit]) -> CameraVerdict:
-    """What the outlines of objects of one frame, or of several, show together."""
+def verdict(fits: Sequence[OutlineFit], poses: str = "ground-truth poses") -> CameraVerdict:
+    """What the outlines of objects of one frame, or of several, in ``poses`` show together."""
+    in_order = f"objects appear as large as their models in their {poses}"
     if (one_focal_length := _one_focal_length(fits)) is not None:
         return one_focal_length
     sure = [one for one in fits if one.error < SURE]
@@ -88,14 +150,14 @@ def verdict(fits: Sequence[OutlineFit]) -> CameraVerdict:
     factors, depths = np.array([one.factor for one in sure]), np.array([one.depth for one in sure])
     depth = float(np.median(depths[np.isfinite(depths)])) if np.isfinite(depths).any() else 1.0
     if _are_off(factors, float(np.median([one.error for one in sure]))):
-        return _size(sure, float(np.median(factors)), depth)
-    if (displaced := _displaced(sure)) is not None:
+        return _size(sure, float(np.median(factors)), depth, poses)
+    if (displaced := _displaced(sure, poses)) is not None:
         return displaced
-    # What is off by far more is of another unit, and reported where units are checked.
-    if not _are_off(depths, 0.0) or not 0.5 < depth < 2:
-        return CameraVerdict(IN_ORDER)
-    message = f"{IN_ORDER}, but measured depth is {_percent(depth)} {'larger' if depth > 1 else 'smaller'} than theirs"
-    return CameraVerdict(message, f"check depth_scale in scene_camera.json: {_fitting(1 / depth)}", "depth")
+    if not _are_off(depths, 0.0):
+        return CameraVerdict(in_order)
+    message = f"{in_order}, but measured depth is {_larger(depth)} theirs"
+    advice = f"check depth_scale in scene_camera.json: {_fitting(1 / depth)}{_likely(depth)}"
+    return CameraVerdict(message, advice, "depth", DataSettings(depth_times=_depth_times(depth)))
 
 
 def _one_focal_length(fits: Sequence[OutlineFit]) -> CameraVerdict | None:
@@ -114,16 +176,15 @@ def _one_focal_length(fits: Sequence[OutlineFit]) -> CameraVerdict | None:
     size = " and ".join(f"{_percent(x)} {how}" for x, how, _ in off)
     which = ", and ".join(f"{name} of cam_K looks {_off(x)}" for x, _, name in off)
     advice = f"{which}; check that cam_K belongs to images of this size"
-    return CameraVerdict(f"objects appear {size} than their models", advice, "one focal length")
+    fx, fy = (x if abs(np.log(x)) > OFF else 1.0 for x in times)
+    remedy = DataSettings(camera_times=(fx, fy, 1.0, 1.0))
+    return CameraVerdict(f"objects appear {size} than their models", advice, "one focal length", remedy)
 
 
-def _size(sure: Sequence[OutlineFit], factor: float, depth: float) -> CameraVerdict:
+def _size(sure: Sequence[OutlineFit], factor: float, depth: float, poses: str) -> CameraVerdict:
     """Where objects appear ``factor`` times as large as their models: where they lie shows what makes them so."""
     size, away, near = ("larger", "farther from", "nearer") if factor > 1 else ("smaller", "nearer to", "farther away")
-    message, off = (
-        f"objects appear {_percent(factor)} {size} than their models in their ground-truth poses",
-        _off(factor),
-    )
+    message, off = f"objects appear {_percent(factor)} {size} than their models in their {poses}", _off(factor)
 
     def misplaced_px(fixed_px: Sequence[Float]) -> float:
         """How far from where they should be objects lie if all were ``factor`` times as far from those points (2,)."""
@@ -135,10 +196,13 @@ def _size(sure: Sequence[OutlineFit], factor: float, depth: float) -> CameraVerd
     of_models = misplaced_px([one.origin_px for one in sure])
     if _is_better(of_image, min(of_focal, of_models)):
         advice = f"cam_K looks like that of images of another size: fx, fy, cx and cy all look {off}"
-        return CameraVerdict(f"{message} and lie {away} the image's upper left corner by as much", advice, "image")
-    if _is_better(of_focal, of_models):
+        message = f"{message} and lie {away} the image's upper left corner by as much"
+        return CameraVerdict(message, advice, "image", DataSettings(camera_times=(factor, factor, factor, factor)))
+    shows_place = len(sure) > 1 or max(of_focal, of_models) > ALONE_PX
+    if shows_place and _is_better(of_focal, of_models):
         advice = f"fx and fy of cam_K look {off}; check that cam_K belongs to images of this size"
-        return CameraVerdict(f"{message} and lie {away} the image's centre by as much", advice, "focal length")
+        remedy = DataSettings(camera_times=(factor, factor, 1.0, 1.0))
+        return CameraVerdict(f"{message} and lie {away} the image's centre by as much", advice, "focal length", remedy)
     # Neither cam_K nor the size of models changes how far away objects are.
     if abs(np.log(depth)) > OFF and abs(np.log(depth * factor)) < abs(np.log(depth)):
         advice = f"cam_t_m2c in scene_gt.json looks too {'large' if factor > 1 else 'small'}; check its unit"
@@ -147,9 +211,9 @@ def _size(sure: Sequence[OutlineFit], factor: float, depth: float) -> CameraVerd
     if np.median([one.drawn.size_px for one in sure]) * abs(factor - 1) / 2 < MASK_PX:
         wide = "wide" if factor > 1 else "narrow"
         return CameraVerdict(f"{message}, as they do where masks are a few pixels too {wide}", cause="masks")
-    if _is_better(of_models, min(of_focal, of_image)):
+    if shows_place and _is_better(of_models, min(of_focal, of_image)):
         advice = f"the models look {off}; check their unit and scale"
-        return CameraVerdict(f"{message}, in the right places", advice, "models")
+        return CameraVerdict(f"{message}, in the right places", advice, "models", model_factor=factor)
     return CameraVerdict(message, f"either fx and fy of cam_K or the models look {off}", "focal length or models")
 
 
@@ -157,7 +221,7 @@ def _is_better(misplaced_px: float, other_px: float) -> bool:
     return misplaced_px < other_px / 2 and misplaced_px < other_px - PLAIN_PX
 
 
-def _displaced(sure: Sequence[OutlineFit]) -> CameraVerdict | None:
+def _displaced(sure: Sequence[OutlineFit], poses: str) -> CameraVerdict | None:
     """Where all objects lie beside their models by as much; depth shows whether the camera or the masks are off."""
     shifts_px = np.array([one.shift_px for one in sure])
     middle_px = np.median(shifts_px, axis=0)
@@ -169,14 +233,17 @@ def _displaced(sure: Sequence[OutlineFit]) -> CameraVerdict | None:
     off = [(px, *of) for px, of in zip(middle_px.tolist(), words, strict=True)]
     off = [one for one in off if abs(one[0]) > LITTLE * abs(middle_px).max()]
     where = " and ".join(f"{abs(px):.0f} px {more if px > 0 else less}" for px, less, more, _ in off)
-    message = f"objects lie {where} where their models are in their ground-truth poses"
+    message = f"objects lie {where} where their models are in their {poses}"
     if np.mean([one.gain for one in sure]) <= 0:
         advice = "the masks are displaced: check that they are of these images"
         return CameraVerdict(f"{message}, but depth does not", advice, "masks")
     too = [f"{name} of cam_K looks {abs(px):.0f} px too {'small' if px > 0 else 'large'}" for px, *_, name in off]
     check = "check that cam_K belongs to these images, also if they were cropped, and that depth is registered to"
     advice = f"{' and '.join(too)}; {check} colour if the masks were made from it"
-    return CameraVerdict(f"{message}, and so does depth", advice, "principal point")
+    camera = sure[0].camera
+    cx, cy = ((c + px) / c if c > 0 else 1.0 for c, px in ((camera.cx, middle_px[0]), (camera.cy, middle_px[1])))
+    remedy = DataSettings(camera_times=(1.0, 1.0, float(cx), float(cy))) if min(cx, cy) > 0 else None
+    return CameraVerdict(f"{message}, and so does depth", advice, "principal point", remedy)
 
 
 def _are_off(ratios: Float, error: float) -> bool:
@@ -186,30 +253,78 @@ def _are_off(ratios: Float, error: float) -> bool:
     return abs(middle) > OFF + error and bool(np.mean(logs / middle < 0.5) <= MOST_DISSENT)
 
 
-def depth_notes(problem: Problem) -> tuple[str, ...]:
-    """A note where, without ground truth, all objects are measured nearer or farther away than their initial poses say.
+def estimate_doubts(problem: Problem) -> tuple[Doubt, ...]:
+    """A doubt where, without ground truth, initial poses agree that depth or the camera is off by one factor.
 
-    Estimators that see colour alone place objects by the camera and the size of the models, not by depth.
+    Estimators that see colour alone place objects by the camera and the size of the models, not by depth. A pose that
+    is off alone changes how large its model appears and how far away it is by one factor, or the outline's shape: depth
+    is off where outlines fit, cam_K where depth does.
     """
     if any(i.T_cam_obj_gt is not None for i in problem.instances):
         return ()
     seen = problem.observation
     initial = [(problem.models[i.obj_id], i.hypotheses[0].T_cam_obj, i.mask) for i in problem.instances if i.hypotheses]
-    depths = [one.depth for one in outline_fits(initial, seen.camera, seen.depth_m, seen.object_mask)]
+    fits = outline_fits(initial, seen.camera, seen.depth_m, seen.object_mask)
+    return _depth_by_estimates(fits) or _camera_by_estimates(fits, problem)
+
+
+def _depth_by_estimates(fits: Sequence[OutlineFit]) -> tuple[Doubt, ...]:
+    depths = [one.depth for one in fits]
     logs = np.log([depth for depth in depths if depth > 0])
-    if len(logs) < FEW:
-        return ()
-    middle = float(np.median(logs))
-    # Three times the error of the median, of all but two objects that may agree by chance.
-    error = 3 * 1.85 * float(np.median(np.abs(logs - middle))) / np.sqrt(len(logs) - 2)
-    if not OFF_DEPTH + error < abs(middle) < np.log(OTHER_UNIT):
+    middle = float(np.median(logs)) if len(logs) else 0.0
+    if len(logs) >= FEW:
+        # Three times the error of the median, of all but two objects that may agree by chance.
+        error = 3 * 1.85 * float(np.median(np.abs(logs - middle))) / np.sqrt(len(logs) - 2)
+        is_off = abs(middle) > OFF_DEPTH + error
+    else:
+        is_off = len(logs) == len(fits) > 0 and all(map(_is_only_depth_off, fits)) and np.ptp(logs) < ALIKE
+    if not is_off:
         return ()
     ratio = float(np.exp(middle))
-    return (
-        f"measured depth is {_percent(ratio)} {'larger' if ratio > 1 else 'smaller'} than the initial poses say: check "
-        f"depth_scale in scene_camera.json ({_fitting(1 / ratio)}), and that cam_K is that of the camera the poses "
-        "were estimated for",
+    appear = float(np.median(np.log([one.factor for one in fits if one.error < SURE] or [1.0])))
+    if abs(appear + middle) < abs(appear) / 2:  # Where depth alone is off, objects appear as large as their models.
+        text = (
+            f"objects are {_percent(ratio)} {'nearer' if ratio < 1 else 'farther away'} than the initial poses say "
+            f"and appear as much {'larger' if ratio < 1 else 'smaller'}: the translations of the initial poses look "
+            f"{_off(ratio)}; check their unit, and that cam_K is that of the camera they were estimated for"
+        )
+        short, remedy = f"translations {times_words(ratio)}", DataSettings(pose_times=ratio)
+        return (Doubt(DoubtKind.POSE_SCALE, text, short, numbers={"pose_times": ratio}, remedy=remedy),)
+    return (scaled_depth(ratio, "initial"),)
+
+
+def scaled_depth(ratio: float, source: str) -> Doubt:
+    """The doubt that depth is ``ratio`` times as large as what the poses of a source say."""
+    text = (
+        f"measured depth is {_larger(ratio)} the {source} poses say: check depth_scale in scene_camera.json "
+        f"({_fitting(1 / ratio)}{_likely(ratio)}), and that cam_K is that of the camera the poses were estimated for"
     )
+    times = _depth_times(ratio)
+    numbers, remedy = {"depth_times": times}, DataSettings(depth_times=times)
+    return Doubt(DoubtKind.DEPTH_SCALE, text, f"depth {times_words(times)}", numbers=numbers, remedy=remedy)
+
+
+def _is_only_depth_off(one: OutlineFit) -> bool:
+    """Whether a model lies on its mask, and another side of it cannot be what was measured."""
+    is_on_mask = one.error < SURE and abs(np.log(one.factor)) < OFF + PLAIN_PX / one.drawn.size_px
+    least = max(SURELY_OFF, SHARES_M * float(one.drawn.box_px.max()) / one.camera.fx)
+    return is_on_mask and abs(np.log(one.depth)) > least
+
+
+def _camera_by_estimates(fits: Sequence[OutlineFit], problem: Problem) -> tuple[Doubt, ...]:
+    sure = [one for one in fits if one.error < max(SURE, SHARE_OF_FACTOR * abs(np.log(one.factor)))]
+    if not sure:
+        return ()
+    middle = float(np.median(np.log([one.factor for one in sure])))
+    alike = [one for one in fits if one in sure or abs(np.log(one.factor) - middle) < 2 * one.error]
+    if 2 * len(sure) < len(fits) and (len(sure) < FEWEST_TOGETHER or len(alike) < len(fits)):
+        return ()
+    logs, depths = np.log([one.factor for one in sure]), np.log([one.depth for one in sure])
+    least = SURELY_OFF if len(sure) > 1 else SURELY_OFF_ALONE
+    if abs(np.median(logs)) < least or np.ptp(logs) > ALIKE or not (np.abs(depths) < OFF_DEPTH).all():
+        return ()
+    found = verdict(sure, "initial poses")
+    return (found.doubt(problem),) if found.advice and found.cause != "one focal length" else ()
 
 
 def distance(points_cam: Float, model: ObjectModel, T_cam_obj: Float) -> float:
@@ -224,7 +339,27 @@ def _tree(model: ObjectModel) -> KDTree:
 
 
 def _fitting(factor: float) -> str:
-    return f"about {factor:.2f} times as much would fit"
+    return f"about {factor:.{2 if factor > 0.1 else 4}f} times as much would fit"
+
+
+def _likely(ratio: float) -> str:
+    """What is often off by about this factor, if anything."""
+    how = [words for factor, words in LIKELY if abs(abs(np.log(ratio)) - np.log(factor)) < LIKE]
+    return f", as between {how[0]}" if how else ""
+
+
+def _depth_times(ratio: float) -> float:
+    """What puts depth right that is so many times as large: the factor of what was mixed up, else the measured one."""
+    for factor, _ in LIKELY:
+        if abs(abs(np.log(ratio)) - np.log(factor)) < LIKE:
+            return 1 / factor if ratio > 1 else factor
+    return 1 / ratio
+
+
+def _larger(ratio: float) -> str:
+    if ratio > 2:
+        return f"{ratio:.3g} times as large as"
+    return f"{_percent(ratio)} {'larger' if ratio > 1 else 'smaller'} than"
 
 
 def _percent(ratio: float) -> str:

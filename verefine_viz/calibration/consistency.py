@@ -1,34 +1,37 @@
 """Whether depth, masks, models and poses of a frame belong together; where they do not, what would fit, by trying it.
 
-An object is drawn at its ground-truth pose, or at its first initial pose, and compared with what was measured: the
-share of the pixels of mask and drawing together where both are, at about the same depth. Where that is small, each
-common mistake is undone in turn (another unit, another convention, an inverted mask) and drawn again. A doubt names the
-one that makes the share large; where none does, it says only what does not fit.
+Evidence comes first. What is measured is checked against itself: the steps of depth, and masks that cover more than
+their model can while depth lies where the model is. Then models are compared with what masks and depth show, then poses
+with both: an object is drawn at its ground-truth pose, or at its first initial pose, and where that does not fit, each
+common mistake is undone in turn (another unit, another convention, an inverted mask) and drawn again. What would fit
+must also leave an object of plausible size and distance, which no pose can spoil: so a poor pose accuses no mesh. An
+initial pose may be off by itself; what they have in common is doubted where most of them show it and none does not.
+Where nothing would fit, a doubt says what was tried.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from verefine_viz.calibration.camera_check import camera_notes
-from verefine_viz.core.arrays import Float, Mask, writable
-from verefine_viz.core.geometry import axis_angle, inverse, transform
-from verefine_viz.core.model import ObjectModel
+from verefine_viz.calibration.camera_check import camera_doubts, estimate_doubts, scaled_depth
+from verefine_viz.calibration.depth_shift import depth_shift_doubts
+from verefine_viz.calibration.depth_steps import coarse_depth
+from verefine_viz.calibration.edges import edge_doubts
+from verefine_viz.calibration.seen_object import NEAR, TRUTH, Seen, seen_objects
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.data_remedies import MADE_FROM_TRUTH, corrected_pose, of_models
+from verefine_viz.core.doubt import Doubt, DoubtKind, times_words
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import DataSettings, PoseConvention
 from verefine_viz.core.text_format import listed
-from verefine_viz.rendering.mesh import RenderMesh, render_mesh
-from verefine_viz.rendering.rasterizer import draw_depth
 
-TRUTH = "ground truth"
 MOST_SOURCES = 4
 """Sources of initial poses that are looked at."""
-MOST, ROWS = 5, 160
-"""Objects that are looked at, those with the largest masks, and rows of the image in which they are drawn."""
 FITS, FITS_INITIAL, OFF = 0.5, 0.35, 0.2
 """Share of the pixels from which an explanation is believed, at a ground-truth and at an initial pose; and below which
 a pose is off even without one."""
@@ -36,76 +39,38 @@ SUSPECT = 0.6
 """Below it explanations are tried for a ground-truth pose: symmetric shapes fit in part whatever is wrong."""
 BETTER = 0.3
 """So much more must fit with an explanation than without."""
-NEAR_M, NEAR, NEAR_INITIAL = 0.015, 0.06, 0.3
-"""Depth this near to a model is its own: at least [m], as a share of its diameter, and the same at an initial pose,
-which may be off."""
-FEWEST_PX = 12
-"""A mask with fewer pixels, of the smaller image, shows nothing."""
+LEAST_SIZE, MOST_SIZE = 0.2, 1.5
+"""What a mask covers in diameters of its model: of an object seen from its end, or hidden in part, and of one with a
+mask that is somewhat too wide."""
+NEAREST_M, FARTHEST_M = 0.1, 12.0
+"""Objects are measured in between [m]; depth of another unit has to bring them there."""
+MOST_BORDERS = 2
+"""A mask that reaches more borders of the image does not show how large its object is."""
+WHOLE, IN_PLACE = 0.9, 0.7
+"""Share of the image that no mask of one object covers, and of a model's pixels that shows it where depth is."""
+LARGE, OTHER = 1.2, 0.15
+"""A mask that covers so many diameters shows several objects where such a share of it lies beside a drawing that is as
+large: at least 0.21 if it does, at most 0.06 where camera or model make the whole outline larger."""
+SAME_MASK, BESIDE = 0.9, 0.2
+"""Share of their pixels that two masks have in common which are the same, and less of a drawing that two objects have
+in common which lie side by side; a detector that gives an object two names draws both in one place."""
+STRICTLY, STRICTLY_BETTER, STRICTLY_ALONE, LOSS = 0.6, 0.25, 0.75, 0.15
+"""As FITS and BETTER for what an initial pose that is off could pass for, measured as a ground-truth pose is; what a
+single object takes, with twice as much gain; and what shows that a turn is not to be undone."""
+WELL = 0.8
+"""Median fit, measured as that of ground-truth poses is, above which neither depth nor camera is off: it is at most
+0.76 with a camera that is off by 15 %, and about 0 with depth that is off by 5 %."""
+FEW = 2
+"""A single initial pose may be off by itself."""
+SCALED, ALIKE = 0.15, 0.03
+"""Depth that is off by less, or not alike for all objects, is not named where outlines are not sure: poses that are
+off by so much show it in their size."""
 UNITS = (10.0, 0.1, 1000.0, 0.001, 100.0, 0.01, 25.4, 1 / 25.4)
 """Factors between units that are mixed up: mm, cm, m and inches."""
-TO_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 UNEXPLAINED = "no other unit or convention would fit"
 CURVED, CURVED_M, ASIDE = 0.4, 0.004, 1.03
 """Distances instead of depth: so much smaller must the error be with them, so large without them [m], and so much
 longer the objects' rays than z; an offset of the sensor looks the same near the image's centre."""
-STEPS, FEWEST_STEPS, STEP_M = 255, 12, 1e-3
-"""Depth of 8 bits: so many steps at most, so many that differ at least, each at least so large [m]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """An object in a frame, in a smaller image."""
-
-    name: str
-    model: ObjectModel
-    T_cam_obj: Float
-    """(4, 4), where it should be."""
-    source: str
-    """What says so: "ground truth", or an estimator."""
-    mask: Mask
-    """(h, w)."""
-    depth_m: NDArray[np.float32]
-    """(h, w), 0 = nothing was measured."""
-    rays: Float
-    """(h, w) length of the ray of each pixel that reaches z = 1."""
-    K: Float
-    """(3, 3) of the smaller image."""
-    model_times: float = 1.0
-    """Its model counts as so many times as large."""
-
-    @property
-    def is_truth(self) -> bool:
-        """Whether its pose is the true one, not an estimate."""
-        return self.source == TRUTH
-
-    @property
-    def near_m(self) -> float:
-        """Depth is the model's where it is nearer to it than this."""
-        share = NEAR if self.is_truth else NEAR_INITIAL
-        return max(NEAR_M, share * self.model.diameter_m * self.model_times)
-
-    def drawn_m(self) -> NDArray[np.float32]:
-        """The depth (h, w) of the model in its pose, 0 beside it."""
-        out = np.zeros(self.mask.shape, np.float32)
-        mesh = _mesh(self.model, self.model_times)
-        fx, fy, cx, cy = (float(self.K[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
-        draw_depth(writable(self.T_cam_obj), *mesh.arrays, fx, fy, cx, cy, out)
-        return out
-
-    def fit(self) -> float:
-        """The share of the pixels of mask and drawing where both are, and depth is the model's."""
-        drawn_m = self.drawn_m()
-        drawn, measured = drawn_m > 0, self.depth_m > 0
-        hidden = drawn & ~self.mask & measured & (self.depth_m < drawn_m - self.near_m)
-        either = (self.mask | drawn) & ~hidden & (measured | (drawn != self.mask))
-        both = self.mask & drawn & measured & (np.abs(drawn_m - self.depth_m) < self.near_m)
-        return float(np.count_nonzero(both)) / max(int(np.count_nonzero(either)), 1)
-
-    def error_m(self) -> float:
-        """The median distance of measured from drawn depth [m] where both are; infinite where they nowhere are."""
-        drawn_m = self.drawn_m()
-        both = self.mask & (drawn_m > 0) & (self.depth_m > 0)
-        return float(np.median(np.abs(drawn_m - self.depth_m)[both])) if both.any() else np.inf
 
 
 @dataclass(frozen=True)
@@ -114,9 +79,64 @@ class Explanation:
 
     words: str
     """What would fit, and what to look at."""
-    undo: Callable[[Seen], Seen]
-    only_truth: bool = False
-    """Whether an initial pose, which may be off by tens of degrees, cannot show it."""
+    kind: DoubtKind
+    short: str = ""
+    """For a badge."""
+    depth_times: float = 1.0
+    model_times: float = 1.0
+    pose_times: float = 1.0
+    poses: PoseConvention = "given"
+    inverts_mask: bool = False
+    is_subtle: bool = False
+    """Whether a single initial pose, which may be off by tens of degrees, cannot show it."""
+
+    @property
+    def of(self) -> Literal["depth", "models", "poses", "masks"]:
+        """What is to blame: depth and conventions are those of all objects, models and masks their own."""
+        if self.model_times != 1:
+            return "models"
+        if self.depth_times != 1:
+            return "depth"
+        return "masks" if self.inverts_mask else "poses"
+
+    def undo(self, one: Seen) -> Seen:
+        """An object without the mistake."""
+        return replace(
+            one,
+            T_cam_obj=corrected_pose(one.T_cam_obj, self.remedy(())),
+            depth_m=one.depth_m if self.depth_times == 1 else one.depth_m * np.float32(self.depth_times),
+            model_times=one.model_times * self.model_times,
+            mask=~one.mask if self.inverts_mask else one.mask,
+        )
+
+    def remedy(self, obj_ids: Sequence[int]) -> DataSettings:
+        """The settings that put data right, with models and masks of these objects."""
+        own = () if self.model_times == 1 else of_models(obj_ids, self.model_times).model_times
+        masks = tuple(sorted({*obj_ids})) if self.inverts_mask else ()
+        return DataSettings(
+            depth_times=self.depth_times,
+            pose_times=self.pose_times,
+            poses=self.poses,
+            model_times=own,
+            inverted_masks=masks,
+        )
+
+    def doubt(self, shown_by: Sequence[Seen], looked_at: Sequence[Seen], obj_ids: Collection[int]) -> Doubt:
+        """The doubt that some of the objects that were looked at show; what all of them show is of all ``obj_ids``."""
+        is_of_all = len(shown_by) == len(looked_at) > 1
+        # Settings put right what initial poses say; the ground truth stays as it is.
+        is_of_truth = shown_by[0].is_truth and (self.pose_times != 1 or self.poses != "given")
+        own = [one.model.obj_id for one in shown_by]
+        factors = {"depth_times": self.depth_times, "model_times": self.model_times, "pose_times": self.pose_times}
+        found = _doubt(
+            self.kind,
+            shown_by,
+            self.words,
+            self.short,
+            numbers={name: factor for name, factor in factors.items() if factor != 1},
+            remedy=None if is_of_truth else self.remedy([*obj_ids] if is_of_all else own),
+        )
+        return replace(found, instances=()) if is_of_all else found
 
 
 def _times(factor: float) -> str:
@@ -127,178 +147,318 @@ def _units() -> Iterator[Explanation]:
     for f in UNITS:
         yield Explanation(
             f"depth that is {_times(f)} would fit: check the unit of the depth images (depth_scale)",
-            lambda s, f=f: replace(s, depth_m=s.depth_m * np.float32(f)),
+            DoubtKind.DEPTH_SCALE,
+            f"depth {times_words(f)}",
+            depth_times=f,
         )
     for f in UNITS:
         yield Explanation(
             f"models that are {_times(f)} would fit: check the unit of the meshes",
-            lambda s, f=f: replace(s, model_times=f),
+            DoubtKind.MODEL_SCALE,
+            f"model {times_words(f)}",
+            model_times=f,
         )
     for f in UNITS:
         yield Explanation(
             f"translations that are {_times(f)} would fit: check the unit of the poses",
-            lambda s, f=f: replace(s, T_cam_obj=transform(s.T_cam_obj[:3, :3], f * s.T_cam_obj[:3, 3])),
+            DoubtKind.POSE_SCALE,
+            f"translations {times_words(f)}",
+            pose_times=f,
         )
+
+
+def _in_metres() -> Iterator[Explanation]:
+    yield Explanation(
+        "models and translations that are both 1000 times as large would fit: they look as if they were in metres, "
+        "expected millimetres: write both so",
+        DoubtKind.IN_METRES,
+        "models and poses in metres",
+        model_times=1000.0,
+        pose_times=1000.0,
+    )
+    yield Explanation(
+        "models, translations and depth that are all 1000 times as large would fit: the whole data set looks as if it "
+        "was in metres, expected millimetres: write models and cam_t_m2c so, and 1000 as depth_scale",
+        DoubtKind.IN_METRES,
+        depth_times=1000.0,
+        model_times=1000.0,
+        pose_times=1000.0,
+    )
+
+
+TRANSPOSED = Explanation(
+    "transposed rotations would fit: the matrices look as if they were written column by column",
+    DoubtKind.CONVENTION,
+    "rotations transposed",
+    poses="transposed",
+    is_subtle=True,
+)
 
 
 def _conventions() -> Iterator[Explanation]:
     yield Explanation(
         "the inverse poses would fit: these look like poses of the camera in the object's frame",
-        lambda s: replace(s, T_cam_obj=inverse(s.T_cam_obj)),
+        DoubtKind.CONVENTION,
+        "poses inverted",
+        poses="inverse",
     )
     yield Explanation(
         "poses in OpenGL's camera axes (y up, z backwards) would fit: turn them by diag(1, −1, −1)",
-        lambda s: replace(s, T_cam_obj=TO_OPENGL @ s.T_cam_obj),
+        DoubtKind.CONVENTION,
+        "poses in OpenGL axes",
+        poses="opengl",
     )
     yield Explanation(
         "inverted masks would fit: the mask covers everything but the object",
-        lambda s: replace(s, mask=~s.mask),
+        DoubtKind.MASK,
+        "mask inverted",
+        inverts_mask=True,
     )
-    yield Explanation(
-        "transposed rotations would fit: the matrices look as if they were written column by column",
-        lambda s: replace(s, T_cam_obj=transform(s.T_cam_obj[:3, :3].T, s.T_cam_obj[:3, 3])),
-        only_truth=True,
-    )
-    for axis, deg in (("x", 90), ("x", -90)):
-        turn = transform(axis_angle(np.array([1.0, 0.0, 0.0]), np.radians(deg)), np.zeros(3))
+    yield TRANSPOSED
+    turns: tuple[tuple[PoseConvention, int], ...] = (("x90", 90), ("x-90", -90))
+    for convention, deg in turns:
         yield Explanation(
-            f"models turned by {deg}° about {axis} would fit: the meshes look as if another axis were up",
-            lambda s, turn=turn: replace(s, T_cam_obj=s.T_cam_obj @ turn),
-            only_truth=True,
+            f"models turned by {deg}° about x would fit: the meshes look as if another axis were up",
+            DoubtKind.CONVENTION,
+            "meshes with another axis up",
+            poses=convention,
+            is_subtle=True,
         )
 
 
-EXPLANATIONS = (*_units(), *_conventions())
+EXPLANATIONS = (*_units(), *_in_metres(), *_conventions())
 
 
-def data_doubts(problem: Problem) -> tuple[str, ...]:
-    """Return what of a frame does not fit together: units and conventions, else the camera by the ground truth."""
+def data_doubts(problem: Problem) -> tuple[Doubt, ...]:
+    """What of a frame does not fit together: units and conventions, else camera and images, else nothing single."""
     explained, unexplained = _doubts(problem)
-    return (*coarse_depth(problem), *(explained or camera_notes(problem) or unexplained))
+    if explained:
+        return explained
+    beside = camera_doubts(problem) or depth_shift_doubts(problem) if _has_truth(problem) else ()
+    return coarse_depth(problem.observation.depth_m) + (beside or _without_truth(problem) or unexplained)
 
 
-def doubts(problem: Problem) -> tuple[str, ...]:
-    """Return which units and conventions of a frame do not fit together, without a look at the camera."""
+def doubts(problem: Problem) -> tuple[Doubt, ...]:
+    """As :func:`data_doubts`, without the camera where there is ground truth, by which wrong answers show it."""
     explained, unexplained = _doubts(problem)
-    return (*coarse_depth(problem), *(explained or unexplained))
+    if explained:
+        return explained
+    beside = () if _has_truth(problem) else _without_truth(problem)
+    return coarse_depth(problem.observation.depth_m) + (beside or unexplained)
 
 
-def _doubts(problem: Problem) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return what does not fit and what would, and what does not fit whatever is tried.
+def _has_truth(problem: Problem) -> bool:
+    return any(i.T_cam_obj_gt is not None for i in problem.instances)
+
+
+def _without_truth(problem: Problem) -> tuple[Doubt, ...]:
+    return edge_doubts(problem) or (() if _lie_well(problem) else estimate_doubts(problem))
+
+
+def _lie_well(problem: Problem) -> bool:
+    """Whether most initial poses fit as true ones do; with a scale or a camera that is off by what is named none do."""
+    poses = {i.instance_id: i.hypotheses[0].T_cam_obj for i in problem.instances if i.hypotheses}
+    fits = [replace(one, near=NEAR).fit() for one in seen_objects(problem, poses, "initial poses")]
+    return bool(fits) and float(np.median(fits)) > WELL
+
+
+def _doubts(problem: Problem) -> tuple[tuple[Doubt, ...], tuple[Doubt, ...]]:
+    """What does not fit and what would, and what does not fit whatever is tried.
 
     By ground truth; where that fits, or is unknown, by the initial poses of each source.
     """
     truths = {i.instance_id: i.T_cam_obj_gt for i in problem.instances if i.T_cam_obj_gt is not None}
-    explained, unexplained = _pose_doubts(problem, truths, TRUTH)
+    explained, unexplained = _pose_doubts(seen_objects(problem, truths, TRUTH), problem.models.keys())
     if explained or unexplained:
         return explained, unexplained
     by_source: dict[str, dict[int, Float]] = {}
     for instance in problem.instances:
         for one in instance.hypotheses:
-            if not one.source.startswith("perturbed"):  # Those are made from the ground truth.
+            if not one.source.startswith(MADE_FROM_TRUTH):
                 by_source.setdefault(one.source.partition(" #")[0], {}).setdefault(instance.instance_id, one.T_cam_obj)
     sources = [*by_source.items()][:MOST_SOURCES]
-    return tuple(doubt for name, poses in sources for doubt in _pose_doubts(problem, poses, name)[0]), ()
+    each = [_pose_doubts(seen_objects(problem, poses, name), problem.models.keys()) for name, poses in sources]
+    explained = tuple(doubt for found, _ in each for doubt in found)
+    # Poses of one source may all be poor; where another's fit, or the truth is known, the data are not to blame.
+    unfit = (
+        () if truths or not all(found for _, found in each) else tuple(doubt for _, found in each for doubt in found)
+    )
+    return explained, unfit
 
 
-def _pose_doubts(problem: Problem, poses: Mapping[int, Float], source: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    named: dict[str, list[Seen]] = {}
+def _pose_doubts(objects: Sequence[Seen], obj_ids: Collection[int]) -> tuple[tuple[Doubt, ...], tuple[Doubt, ...]]:
+    explained: dict[Explanation, list[Seen]] = {}
+    of_masks: list[Doubt] = []
     off: list[Seen] = []
-    objects = seen_objects(problem, poses, source)
+    n_fit = 0
     for one in objects:
         fit = one.fit()
-        if fit < (SUSPECT if one.is_truth else OFF):
-            words = explanation(one, fit, objects)
-            if words:
-                named.setdefault(words, []).append(one)
-            elif fit < OFF:
-                off.append(one)
-    explained = tuple(f"{_what(of)}; {words}" for words, of in named.items()) or tuple(distances_for_depth(objects))
-    if not off or not off[0].is_truth:
-        return explained, ()
-    # A single pose or mask may be wrong for reasons of its own; all of them are not.
-    check = "check camera, depth, masks and poses" if len(off) == len(objects) else "check its mask and its pose"
-    return explained, (f"{_what(off)}; {UNEXPLAINED}: {check}",)
+        n_fit += fit >= FITS_INITIAL
+        mask = mask_fault(one) or shared_mask(one, objects)
+        mistake = None
+        if mask is None and fit < (SUSPECT if one.is_truth else OFF):
+            mistake = explanation(one, fit)
+            mask = swapped_mask(one, fit, objects) if mistake is None else None
+        if mask is not None:
+            of_masks.append(mask)
+        elif mistake is not None:
+            explained.setdefault(mistake, []).append(one)
+        elif fit < OFF:
+            off.append(one)
+    if not objects or objects[0].is_truth:
+        found = (*of_masks, *(mistake.doubt(of, objects, obj_ids) for mistake, of in explained.items()))
+        found = found or tuple(distances_for_depth(objects))
+        # A single pose or mask may be wrong for reasons of its own; all of them are not.
+        check = "check camera, depth, masks and poses" if len(off) == len(objects) else "check its mask and its pose"
+        misfit = (_doubt(DoubtKind.MISFIT, off, f"{UNEXPLAINED}: {check}"),) if off else ()
+        return found, scaled_depths(objects, off) or misfit
+    shared = (
+        mistake.doubt(of, objects, obj_ids)
+        for mistake, of in explained.items()
+        if mistake.of not in ("depth", "poses") or (2 * len(of) >= len(objects) and 4 * n_fit <= len(objects))
+    )
+    found = (*of_masks, *shared) or tuple(_turned(objects, obj_ids))
+    if scaled := scaled_depths(objects, off):
+        return found, scaled
+    if len(objects) < FEW or len(off) < len(objects) or not all(one.is_elsewhere() for one in off):
+        return found, ()
+    text = (
+        f"depth and the poses of {objects[0].source} do not agree: 0 of {len(objects)} objects lie where depth is; "
+        "other units, scales, conventions, cam_K and inverted masks were tried, and none would fit"
+    )
+    return found, (Doubt(DoubtKind.MISFIT, text, "depth and poses do not agree", _instances(off)),)
 
 
-def explanation(one: Seen, fit: float, objects: Sequence[Seen]) -> str:
-    """Return in words what would fit an object; "" where nothing does. ``objects``: all that are looked at."""
-    least = max(FITS if one.is_truth else FITS_INITIAL, fit + BETTER)
+def scaled_depths(objects: Sequence[Seen], off: Sequence[Seen]) -> tuple[Doubt, ...]:
+    """A doubt where no object fits and all would, as true ones do, with depth that is off by one factor."""
+    if not off or len(off) < len(objects):
+        return ()
+    ratios = np.array([one.depth_ratio() for one in off])
+    ratio = float(np.median(ratios))
+    if not abs(np.log(ratio)) > SCALED or np.ptp(np.log(ratios)) > ALIKE:
+        return ()
+    right = [replace(one, depth_m=(one.depth_m / ratio).astype(np.float32), near=NEAR) for one in off]
+    return (scaled_depth(ratio, off[0].source),) if min(one.fit() for one in right) > WELL else ()
+
+
+def mask_fault(one: Seen) -> Doubt | None:
+    """What is odd about a mask that covers more than its model can while depth lies where the model is; else None."""
+    share = float(one.mask.mean())
+    if one.size <= LARGE or (share <= WHOLE and (one.agreement() < IN_PLACE or one.beside_scaled() < OTHER)):
+        return None
+    if replace(one, mask=~one.mask).fit() >= FITS_INITIAL:
+        return None
+    whole = f"{share:.0%} of the image, " if share > WHOLE else ""
+    text = (
+        f"the mask of {one.name} covers {whole}{one.covered_m:.2g} m, and the model is {one.diameter_m:.2g} m across: "
+        "check whether the mask shows several objects (labels), or everything"
+    )
+    numbers = {"covered_m": one.covered_m, "diameter_m": one.diameter_m, "share_of_image": share}
+    return Doubt(DoubtKind.MASK, text, "mask too large", _instances([one]), numbers)
+
+
+def shared_mask(one: Seen, objects: Sequence[Seen]) -> Doubt | None:
+    """What is odd about a mask that is another object's as well, while depth has both models, side by side."""
+    for other in objects:
+        n_both, n_either = np.count_nonzero(one.mask & other.mask), np.count_nonzero(one.mask | other.mask)
+        if other is one or n_both < SAME_MASK * n_either:
+            continue
+        own, its = one.drawn_m() > 0, other.drawn_m() > 0
+        is_beside = np.count_nonzero(own & its) < BESIDE * min(np.count_nonzero(own), np.count_nonzero(its))
+        is_inverted = replace(one, mask=~one.mask).fit() >= FITS_INITIAL
+        if is_beside and not is_inverted and min(one.agreement(), other.agreement()) >= IN_PLACE:
+            text = f"{one.name} and {other.name} have one mask: check whether it shows several objects (labels)"
+            numbers = {"shared": float(n_both / n_either)}
+            return Doubt(DoubtKind.MASK, text, "mask of several objects", _instances([one]), numbers)
+    return None
+
+
+def explanation(one: Seen, fit: float) -> Explanation | None:
+    """What would fit an object; None where nothing does."""
     best, k = max(((undone.fit(), -k) for k, undone in _undone(one)), default=(0.0, 0))
-    if best >= least:
-        return EXPLANATIONS[-k].words
-    if one.is_truth:  # Estimates are given to the masks that they fit.
-        for other in objects:
-            if other is not one and replace(one, mask=other.mask).fit() >= least:
-                return f"the mask of {other.name} would fit: masks and poses look as if they were in another order"
-    return ""
+    return EXPLANATIONS[-k] if best >= _least(one, fit) else None
+
+
+def swapped_mask(one: Seen, fit: float, objects: Sequence[Seen]) -> Doubt | None:
+    """Whose mask would fit an object at its ground-truth pose; estimates are given to the masks that they fit."""
+    for other in objects if one.is_truth else ():
+        if other is not one and replace(one, mask=other.mask).fit() >= _least(one, fit):
+            words = f"the mask of {other.name} would fit: masks and poses look as if they were in another order"
+            return _doubt(DoubtKind.MASK, [one], words, "masks in another order")
+    return None
+
+
+def _least(one: Seen, fit: float) -> float:
+    return max(FITS if one.is_truth else FITS_INITIAL, fit + BETTER)
 
 
 def _undone(one: Seen) -> Iterator[tuple[int, Seen]]:
     for k, mistake in enumerate(EXPLANATIONS):
-        if one.is_truth or not mistake.only_truth:
+        if one.is_truth or not mistake.is_subtle:
             undone = mistake.undo(one)
-            if undone.T_cam_obj[2, 3] > 0.02:
+            if undone.T_cam_obj[2, 3] > 0.02 and _is_plausible(mistake, undone):
                 yield k, undone
 
 
-def distances_for_depth(objects: Sequence[Seen]) -> Iterator[str]:
-    """Return a doubt where the depth images hold distances from the camera, not z."""
+def _is_plausible(mistake: Explanation, undone: Seen) -> bool:
+    """Whether what a mask covers, and how far away that is, could be the object, whatever its pose."""
+    if mistake.of == "depth" and not NEAREST_M < undone.away_m < FARTHEST_M:
+        return False
+    if mistake.of == "models" and undone.n_borders() > MOST_BORDERS:
+        return False
+    return undone.size <= MOST_SIZE and (undone.size >= LEAST_SIZE or mistake.of not in ("depth", "models"))
+
+
+def _turned(objects: Sequence[Seen], obj_ids: Collection[int]) -> Iterator[Doubt]:
+    """A doubt where most initial poses fit as true ones do once the same turn is undone, and none fits worse."""
+    strict = [replace(one, near=NEAR) for one in objects]
+    as_they_are = [one.fit() for one in strict]
+    n_off, alone = sum(fit < STRICTLY for fit in as_they_are), len(objects) == 1
+    # A single pose that is off may be right after a quarter turn by chance, as shapes look alike from their sides.
+    for mistake in (TRANSPOSED,) if alone else (e for e in EXPLANATIONS if e.is_subtle):
+        fits = [(mistake.undo(one).fit(), fit) for one, fit in zip(strict, as_they_are, strict=True)]
+        if any(undone < fit - LOSS for undone, fit in fits):
+            continue
+        least, better = (STRICTLY_ALONE, 2 * STRICTLY_BETTER) if alone else (STRICTLY, STRICTLY_BETTER)
+        shows = [one for one, (undone, fit) in zip(objects, fits, strict=True) if undone >= max(least, fit + better)]
+        if len(shows) >= (1 if alone else 2) and 2 * len(shows) >= n_off:
+            yield mistake.doubt(shows, objects, obj_ids)
+            return
+
+
+def distances_for_depth(objects: Sequence[Seen]) -> Iterator[Doubt]:
+    """A doubt where the depth images hold distances from the camera, not z."""
     truths = [one for one in objects if one.is_truth and np.median(one.rays[one.mask]) > ASIDE]
     if truths:
         as_z = [one.error_m() for one in truths]
         as_distance = [replace(one, depth_m=(one.depth_m / one.rays).astype(np.float32)).error_m() for one in truths]
         if np.median(as_z) > CURVED_M and np.median(as_distance) < CURVED * np.median(as_z):
-            yield (
-                f"depth is off by {1e3 * np.median(as_z):.0f} mm from the ground-truth poses, and by "
-                f"{1e3 * np.median(as_distance):.0f} mm if it is the distance from the camera: the depth images "
-                "seem to hold distances, expected z"
+            off_mm, as_distance_mm = 1e3 * float(np.median(as_z)), 1e3 * float(np.median(as_distance))
+            yield Doubt(
+                DoubtKind.DEPTH_DISTANCES,
+                f"depth is off by {off_mm:.0f} mm from the ground-truth poses, and by {as_distance_mm:.0f} mm if it is "
+                "the distance from the camera: the depth images seem to hold distances, expected z",
+                numbers={"off_mm": off_mm, "off_as_distance_mm": as_distance_mm},
+                remedy=DataSettings(depth_along="ray"),
             )
 
 
-def coarse_depth(problem: Problem) -> tuple[str, ...]:
-    """Return a doubt where depth is a multiple of a large step everywhere, as 8 bits hold it."""
-    values_m = np.unique(problem.observation.depth_m).astype(np.float64)
-    values_m = values_m[values_m > 0]
-    if not FEWEST_STEPS <= len(values_m) <= STEPS:
-        return ()
-    steps_m = values_m[-1] / np.arange(1, STEPS + 1)
-    in_steps = values_m / steps_m[:, None]
-    fits = (np.abs(in_steps - np.round(in_steps)).max(axis=1) < 0.1) & (steps_m > 0.9 * STEP_M)
-    if not fits.any():
-        return ()
-    step_m = steps_m[fits][0]
-    return (
-        f"depth has {len(values_m)} different values only, {1e3 * step_m:.3g} mm apart: it looks as if it was stored "
-        "in 8 bits, store it in 16",
-    )
+def _doubt(
+    kind: DoubtKind,
+    shown_by: Sequence[Seen],
+    words: str,
+    short: str = "",
+    numbers: Mapping[str, float] = MappingProxyType({}),
+    remedy: DataSettings | None = None,
+) -> Doubt:
+    return Doubt(kind, f"{_what(shown_by)}; {words}", short, _instances(shown_by), numbers, remedy)
+
+
+def _instances(of: Sequence[Seen]) -> tuple[int, ...]:
+    return tuple(one.instance_id for one in of)
 
 
 def _what(objects: Sequence[Seen]) -> str:
     names, (them, plural) = listed([one.name for one in objects]), ("it", "") if len(objects) == 1 else ("them", "s")
     poses = f"ground-truth pose{plural}" if objects[0].is_truth else f"pose{plural} of {objects[0].source}"
     return f"what is seen of {names} is not where the {poses} put{'' if plural else 's'} {them}"
-
-
-def seen_objects(problem: Problem, poses: Mapping[int, Float], source: str) -> list[Seen]:
-    """Return the objects of a frame with these T_cam_obj (4, 4), by instance_id, those with the largest masks."""
-    observation = problem.observation
-    step = max(1, observation.camera.height // ROWS)
-    depth_m = np.ascontiguousarray(observation.depth_m[::step, ::step], np.float32)
-    K = observation.camera.K.copy()
-    K[:2] /= step
-    v, u = np.indices(depth_m.shape)
-    rays = np.sqrt(1 + ((u - K[0, 2]) / K[0, 0]) ** 2 + ((v - K[1, 2]) / K[1, 1]) ** 2)
-    largest = sorted(problem.instances, key=lambda i: -int(np.count_nonzero(i.mask)))
-    seen = []
-    for instance in largest[:MOST]:
-        T, mask = poses.get(instance.instance_id), np.ascontiguousarray(instance.mask[::step, ::step])
-        if T is not None and np.count_nonzero(mask & (depth_m > 0)) >= FEWEST_PX:
-            model = problem.models[instance.obj_id]
-            seen.append(Seen(model.name, model, T, source, mask, depth_m, rays, K))
-    return seen
-
-
-@lru_cache(maxsize=64)
-def _mesh(model: ObjectModel, times: float) -> RenderMesh:
-    return render_mesh(times * model.vertices, model.faces)

@@ -10,17 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, optimize
 
+from verefine_viz.calibration.seen_object import mesh_of
 from verefine_viz.core.arrays import Float, Mask, writable
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 from verefine_viz.rendering.rasterizer import draw_depth
 
 SIDE, MARGIN = 96, 30
@@ -61,10 +61,23 @@ class OutlineFit:
     shift_px: Float  # (2,) of the drawn model's middle to where the mask has it
     factor: float  # the mask is so many times as large
     error: float  # of the factor
-    sides: Float  # (2,) the mask is so many times as wide, and as high, where the two may differ
-    sides_error: float
     depth: float  # measured over drawn depth at the same places (median); NaN without any, or without a common ratio
     gain: float  # so much more of the drawn depth was measured where the mask has the object than where it is drawn
+    fit_sides: Callable[[], tuple[Float, Float]]  # logarithms of width, height and shift, and their errors
+
+    @cached_property
+    def _fitted(self) -> tuple[Float, Float]:
+        return self.fit_sides()
+
+    @property
+    def sides(self) -> Float:
+        """(2,) the mask is so many times as wide, and as high, where the two may differ; fitted when asked for."""
+        return np.exp(self._fitted[0][:2])
+
+    @property
+    def sides_error(self) -> float:
+        """Of the sides."""
+        return float(max(self._fitted[1][:2]))
 
 
 def fit_outline(
@@ -93,12 +106,15 @@ def fit_outline(
     size = np.log(np.clip(np.sqrt(len(inside)) / drawn.size_px, 0.5, 2.0))
     start = np.array([size, *(inside.mean(axis=0) - drawn.middle_px) / drawn.size_px])
     x, errors = _least_squares(lambda x: distances(x[[0, 0, 1, 2]]), start)
-    sides, sides_errors = _least_squares(distances, x[[0, 0, 1, 2]])
-    factor, shift_px, sides_error = float(np.exp(x[0])), x[1:] * drawn.size_px, float(max(sides_errors[:2]))
+    factor, shift_px = float(np.exp(x[0])), x[1:] * drawn.size_px
     depth = _depth_ratio(drawn, inside, factor, shift_px, depth_m)
     gain = _share_measured(drawn, shift_px, depth_m) - _share_measured(drawn, np.zeros(2), depth_m)
-    origin_px, sides = camera.project(T_cam_obj[:3, 3]), np.exp(sides[:2])
-    return OutlineFit(drawn, camera, origin_px, shift_px, factor, float(errors[0]), sides, sides_error, depth, gain)
+    origin_px, error = camera.project(T_cam_obj[:3, 3]), float(errors[0])
+
+    def fit_sides() -> tuple[Float, Float]:
+        return _least_squares(distances, x[[0, 0, 1, 2]])
+
+    return OutlineFit(drawn, camera, origin_px, shift_px, factor, error, depth, gain, fit_sides)
 
 
 def _least_squares(residuals: Callable[[Float], Float], start: Float) -> tuple[Float, Float]:
@@ -123,7 +139,7 @@ def _draw(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> DrawnModel | 
     width, height = (np.ceil((high - low) / pitch).astype(int) + 2 * MARGIN).tolist()
     depth_m = np.zeros((height, width), np.float32)
     fx, fy, cx, cy = (np.array([camera.fx, camera.fy, *(camera.K[:2, 2] - corner_px)]) / pitch).tolist()
-    draw_depth(writable(T_cam_obj), *_mesh(model).arrays, fx, fy, cx, cy, depth_m)
+    draw_depth(writable(T_cam_obj), *mesh_of(model).arrays, fx, fy, cx, cy, depth_m)
     shown = depth_m > 0
     if not shown.any():
         return None
@@ -134,11 +150,6 @@ def _draw(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> DrawnModel | 
     places = np.argwhere(shown)[:, ::-1] * pitch
     middle_px, box_px = places.mean(axis=0) + corner_px, np.ptp(places, axis=0) + pitch
     return DrawnModel(depth_m, outside, pitch, corner_px, middle_px, float(np.sqrt(len(places))) * pitch, box_px)
-
-
-@lru_cache(maxsize=64)
-def _mesh(model: ObjectModel) -> RenderMesh:
-    return render_mesh(model.vertices, model.faces)
 
 
 def _own_outline(mask: Mask, others: Mask, depth_m: NDArray[np.float32]) -> Float:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.doubt import Doubt, DoubtKind
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.rendering.colour import SIGMA_PX, opponent
 from verefine_viz.rendering.rendered_scene import render_scene
@@ -30,8 +31,8 @@ FEWEST_PX = 400
 """Fewer pixels of an object are no evidence."""
 
 
-def registration_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, ...]:
-    """A note where the colours of all objects together lie beside the objects, by more than ``OFF_PX``.
+def registration_doubts(problem: Problem, poses: Sequence[Float | None]) -> tuple[Doubt, ...]:
+    """A doubt where the colours of all objects together lie beside the objects, by more than ``OFF_PX``.
 
     Args:
         problem: the frame.
@@ -47,15 +48,17 @@ def registration_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple
     if np.hypot(right, down) <= OFF_PX or gain < BETTER:
         return ()
     where = f"{abs(right)} px {'right' if right > 0 else 'left'} and {abs(down)} px {'down' if down > 0 else 'up'}"
-    return (
+    text = (
         f"the colours of {len(sure)} objects lie {where} of where depth has them: the colour image is not registered "
-        "to the depth image; register it, or score without colour (score.colour_weight = 0)",
+        "to the depth image; register it, or score without colour (score.colour_weight = 0)"
     )
+    numbers = {"right_px": right, "down_px": down, "gain": gain}
+    return (Doubt(DoubtKind.COLOUR, text, numbers=numbers, other_settings={"score.colour_weight": 0.0}),)
 
 
 def colour_fits(problem: Problem, poses: Sequence[Float | None]) -> list[NDArray[np.float64]]:
     """The correlations (2 R + 1, 2 R + 1) by displacement of the objects whose colours are evidence; the check takes
-    ``FEWEST``. Arguments as those of :func:`registration_notes`.
+    ``FEWEST``. Arguments as those of :func:`registration_doubts`.
     """
     fits = [_fits(t, T) for t, T in zip(problem.targets, poses, strict=True) if T is not None]
     return [one for one in fits if one is not None and one.max() >= SURE]

@@ -11,13 +11,13 @@ from typing import get_args
 
 import numpy as np
 
-from verefine_viz.calibration.consistency import UNEXPLAINED, data_doubts
+from verefine_viz.calibration.consistency import data_doubts
 from verefine_viz.commands.dataset_parts import Parts
+from verefine_viz.core.doubt import texts_of
 from verefine_viz.core.errors import InputError, VerefineError
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.frame_names import FrameIds, frame_name
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.core.text_format import MOST_NAMED, first_of
-from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.evaluation.bop_model import EvalModels
 from verefine_viz.evaluation.ground_truth import (
     VISIB_FRACT,
@@ -29,7 +29,6 @@ from verefine_viz.scenes.annotations import GroundTruth, targets_path
 from verefine_viz.scenes.bop import NO_COLOR, BopDataset
 from verefine_viz.scenes.bop_files import MaskFolder, SceneFiles
 from verefine_viz.scenes.bop_source import BopSource
-from verefine_viz.scenes.frames import FrameIds, frame_name
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
 
 N_OPENED = 40
@@ -226,10 +225,16 @@ def _check_scoring(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts
 
 
 def _check_plausibility(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
-    """Ask whether images, models and masks fit the ground truth, as where a frame is opened to be solved."""
-    kind = next((kind for kind in get_args(MaskFolder) if kind in parts.masks), "")
-    needed = {"models": parts.models, "depth": parts.depth, "masks": kind, "ground truth": parts.ground_truth}
-    if lacking := " and ".join(what for what, there in needed.items() if not there):
+    """Ask whether images, models, masks and poses fit together, as where a frame is opened to be solved.
+
+    The poses are ground truth, else those of the results files that lie in the folder, as in one of kept frames.
+    """
+    results = tuple(map(str, sorted(dataset.folder.glob(f"*_*-{dataset.split}.csv"))))
+    by_truth = next((kind for kind in get_args(MaskFolder) if kind in parts.masks and parts.ground_truth), "")
+    masks = by_truth or next((str(dataset.folder / name) for name in dataset.detection_files()), "")
+    poses = parts.ground_truth or results
+    there = {"models": parts.models, "depth": parts.depth, "masks": masks, "ground truth or a results file": poses}
+    if lacking := " and ".join(what for what, is_there in there.items() if not is_there):
         parts.skip("plausibility", f"not checked, needs {lacking}")
         return
     frames = tuple(frame_name(ids) for ids in opened)
@@ -238,28 +243,37 @@ def _check_plausibility(dataset: BopDataset, opened: Sequence[FrameIds], parts: 
         dataset=str(dataset.folder),
         split=dataset.split,
         sensor=dataset.sensor,
-        masks=kind,
+        masks=masks,
         frames=frames,
     )
-    source = BopSource(scene, HypothesesSettings(source="perturb"))
+    initial = HypothesesSettings(source="perturb")
+    if results and not by_truth:
+        initial = HypothesesSettings(source="results", files=results)
     checked: list[str] = []
     doubts: dict[str, dict[str, str]] = {}
     """By what would fit, the doubt in each frame."""
+    try:
+        source = BopSource(scene, initial)
+    except VerefineError as error:
+        parts.add("plausibility", "not checked", str(error))
+        return
     for frame in frames:
         with suppress(VerefineError):  # Reported already.
             problem = source.problem(frame)
-            if any(i.T_cam_obj_gt is not None for i in problem.instances):
+            if any(i.T_cam_obj_gt is not None or i.hypotheses for i in problem.instances):
                 checked.append(frame)
-                for doubt in _doubts(problem):
+                for doubt in texts_of(data_doubts(problem)):
                     same = re.sub(r"\d[\d.]*", "#", re.sub(r"^what is seen of .*?; ", "", doubt))
                     doubts.setdefault(same, {}).setdefault(frame, doubt)
+    what = "ground truth" if parts.ground_truth else "initial poses"
     if not checked:
-        parts.skip("plausibility", "not checked, because no frame with ground truth can be opened")
+        parts.skip("plausibility", f"not checked, because no frame with {what} can be opened")
         return
     n, n_off = len(checked), len({frame for of in doubts.values() for frame in of})
-    result = f"does not fit in {n_off} of {n}" if doubts else f"fits images, masks and models in {n} of {n}"
+    does, fits = ("does", "fits") if parts.ground_truth else ("do", "fit")
+    result = f"{does} not fit in {n_off} of {n}" if doubts else f"{fits} images, masks and models in {n} of {n}"
     often = [_in_frames(of, n) for of in sorted(doubts.values(), key=len, reverse=True)]
-    parts.add("plausibility", f"ground truth {result} frames checked", first_of(often, MOST_FAULTS, "; "))
+    parts.add("plausibility", f"{what} {result} frames checked", first_of(often, MOST_FAULTS, "; "))
 
 
 def _in_frames(doubts: dict[str, str], n_checked: int) -> str:
@@ -267,18 +281,3 @@ def _in_frames(doubts: dict[str, str], n_checked: int) -> str:
     frame, doubt = next(iter(doubts.items()))
     every = "all " if len(doubts) == n_checked else ""
     return f"in {frame}: {doubt}" if len(doubts) == 1 else f"in {every}{len(doubts)} frames, such as {frame}: {doubt}"
-
-
-def _doubts(problem: Problem) -> tuple[str, ...]:
-    doubts = data_doubts(problem)
-    depth = FrameGroundTruth(problem).registration
-    if not depth.is_off or not all(UNEXPLAINED in doubt for doubt in doubts):
-        return doubts
-    right, down = depth.shift_px
-    if depth.scale != 1:
-        return (f"depth is {depth.scale:.3g} times what ground truth says: check depth_scale in scene_camera.json",)
-    aside = f"{abs(right)} px to the {'right' if right > 0 else 'left'}"
-    off = f"{aside} and {abs(down)} px {'down' if down > 0 else 'up'}"
-    return (
-        f"depth lies {off} of where colour and masks are: warp it into the colour camera, or check cx, cy of cam_K",
-    )

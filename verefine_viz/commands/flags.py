@@ -29,7 +29,7 @@ Every setting of a session file is an option too, and wins over the file: --meth
 --help-settings lists them with unit, default and source, --help-settings SECTION those of one section:
 {sections}.
 """
-NOT_OPTIONS = ("edits", "tracked", "changes", "waiting")
+NOT_OPTIONS = ("edits", "tracked", "starts", "changes", "waiting")
 """What the page saves: lists of tables, too long to type, and thresholds that are switched off."""
 
 

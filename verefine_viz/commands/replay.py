@@ -71,7 +71,8 @@ def _verify(recording: Path) -> int:
     from verefine_viz.batch.solve_frame import end_again
     from verefine_viz.recording.verify import run_again, verify
     from verefine_viz.run.engine import Run
-    from verefine_viz.run.record import RunRecord, session_of
+    from verefine_viz.run.record import RunRecord
+    from verefine_viz.run.run_header import session_of
     from verefine_viz.run.session_parts import check_parts
 
     def again(record: RunRecord) -> Run:

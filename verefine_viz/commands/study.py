@@ -34,7 +34,7 @@ class StudyCommand:
     seeds: int | None = None
     """Disturbances of each frame, at most 1000; a later run with more adds to the results."""
     workers: int = max(os.cpu_count() or 1, 1)
-    """Worker processes, no more than 4 per core; results are the same for any number, times aside."""
+    """Worker processes of one thread, no more than 4 per core; results are the same for any number, times aside."""
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:

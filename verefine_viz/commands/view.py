@@ -89,9 +89,9 @@ class ViewCommand:
 
             session = load_session(self.session, overrides)
         path = None if batch or recording or known else self.session
-        return self._serve(session, session_path=path, recordings=recordings, batch=batch)
+        return self.serve(session, session_path=path, recordings=recordings, batch=batch)
 
-    def _serve(
+    def serve(
         self,
         session: Session,
         recordings: tuple[Path | None, Path | None] = (None, None),
@@ -135,7 +135,7 @@ class ViewCommand:
         check_method(settings)
         beside = folder.resolve()
         out = self.out if self.out is not None else beside.with_name(f"{beside.name}-runs")
-        return self._serve(settings, watch=Watch(folder, out, base, overrides))
+        return self.serve(settings, watch=Watch(folder, out, base, overrides))
 
 
 def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> KnownData | None:
@@ -207,7 +207,7 @@ def _recorded_session(path: Path, other: Path | None) -> Session:
     """
     from verefine_viz.page.workspace import check_same_frame
     from verefine_viz.recording.reader import read_recording
-    from verefine_viz.run.record import session_of
+    from verefine_viz.run.run_header import session_of
 
     header = read_recording(path).header
     session = session_of(header)

@@ -6,15 +6,14 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from verefine_viz.core.number_kinds import Index, Seed
 from verefine_viz.core.setting_types import (
     Count,
-    Index,
     InputPath,
     LargeCount,
     Length,
     LengthOrNone,
     Order,
-    Seed,
     Settings,
     Share,
     Weight,

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from verefine_viz.core.arrays import Float, finite, frozen
+from verefine_viz.core.arrays import Float, finite, frozen, writable
 from verefine_viz.core.errors import ShapeError
 
 RIGID_TOLERANCE = 0.05
@@ -228,3 +228,21 @@ def random_unit_vector(rng: np.random.Generator) -> Float:
     """A direction (3,), uniform on the sphere."""
     v = rng.normal(size=3)
     return v / np.linalg.norm(v)
+
+
+def n_within_reach(Ts_cam_obj: Float) -> int:
+    """How many poses (N, 4, 4) of a path come before the first that is too far away, or is none; its start counts."""
+    far = np.flatnonzero(~(np.linalg.norm(Ts_cam_obj[1:, :3, 3], axis=1) <= FARTHEST_M))
+    return 1 + int(far[0]) if len(far) else len(Ts_cam_obj)
+
+
+def as_poses(Ts_cam_obj: Float) -> Float:
+    """A copy of the poses as a contiguous (N, 4, 4) array.
+
+    Raises:
+        ShapeError: another shape.
+    """
+    Ts = writable(Ts_cam_obj)
+    if Ts.ndim != 3 or Ts.shape[1:] != (4, 4):
+        raise ShapeError(f"the poses to score have shape {Ts.shape}, expected n×4×4")
+    return Ts

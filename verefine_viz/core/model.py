@@ -12,6 +12,11 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float, finite, frozen, set_fields
 from verefine_viz.core.errors import ShapeError
 
+CONTINUOUS_STEPS = 64
+"""Rotations that stand for a continuous symmetry (5.6° apart); the official scores use 315."""
+TEXTURE = 0.05
+"""Colours of a model that differ by more in the mean, in [0, 1], can tell a turn."""
+
 
 @dataclass(frozen=True, eq=False)
 class Texture:

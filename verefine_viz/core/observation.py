@@ -15,6 +15,8 @@ from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.surroundings import Surroundings
 
 GravitySource = Literal["plane", "world", "given"]
+ON_PLANE_M = 0.010
+"""Distance to the support plane that counts as lying on it [m]: a depth sensor's error on a table at 1 m."""
 TILT_SHOWN_DEG = 3.0
 """Where gravity and the support plane's normal differ by more, both are drawn and said [deg]."""
 

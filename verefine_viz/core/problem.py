@@ -210,8 +210,6 @@ class Problem:
     """As shown to the user: data set or demo scene."""
     notes: tuple[str, ...] = ()
     """About the data, for the user: units guessed, masks missing, …"""
-    doubts: tuple[str, ...] = ()
-    """What of the data does not fit together, with what to check; empty also where it was not checked."""
     left_out: tuple[LeftOut, ...] = ()
     """Objects that are in the frame but cannot be solved; they count as missed."""
     dependencies: DependencyGraph | None = None

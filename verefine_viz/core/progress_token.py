@@ -7,6 +7,9 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from verefine_viz.core.errors import Cancelled
 
 T = TypeVar("T")
@@ -29,6 +32,8 @@ class ProgressToken:
     shows."""
     preparing: Callable[[], AbstractContextManager[object]] = nullcontext
     """Entered while models are read and prepared, which later frames need not repeat; measures the time of it."""
+    seen: Callable[[NDArray[np.uint8] | None], None] = lambda rgb: None
+    """Gets the photo of a frame (H, W, 3), None = it has none, as soon as it is read: before anything is prepared."""
 
     def checkpoint(self, doing: str = "", share: float | None = None) -> None:
         """Reports what is done next, or how much of it is done, where either is given.

@@ -21,7 +21,8 @@ class Refiner(Protocol):
     """Improves a pose from what was observed.
 
     ``target`` has it all: the cloud and the mask of the instance, depth, colour and camera of the frame, the model. A
-    refiner that draws the model has a renderer of its own (rendering/mesh.py, rendering/rasterizer.py).
+    refiner that draws the model has a renderer of its own (rendering/mesh.py, rendering/rasterizer.py). Arrays are
+    read-only, as all calls share them: ``np.array(x)`` is one to write into, which Open3D's vectors ask for.
     """
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:

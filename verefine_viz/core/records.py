@@ -14,9 +14,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.number_kinds import Id, Real
+from verefine_viz.core.number_kinds import Id, Index, Real
 from verefine_viz.core.scores import PoseScore
-from verefine_viz.core.setting_types import Index
 
 Number = Annotated[int, Meta(ge=1, le=2**31)]
 """What is counted from 1. Bounds hold for what is read."""

@@ -12,6 +12,8 @@ from typing import Annotated, Any, Literal, get_type_hints
 import msgspec.inspect as mi
 from msgspec import Meta, Struct
 
+from verefine_viz.core.number_kinds import Index
+
 
 class Settings(Struct, frozen=True, forbid_unknown_fields=True):
     """Base of all settings: immutable, unknown names refused; values are checked where they are read."""
@@ -22,10 +24,6 @@ Count = Annotated[int, Meta(ge=1, le=10_000)]
 """How many of something: iterations, hypotheses, steps."""
 LargeCount = Annotated[int, Meta(ge=1, le=1_000_000)]
 """A number of points, bases, bins: of thousands."""
-Index = Annotated[int, Meta(ge=0, le=2**31 - 1)]
-"""The number of an object, an instance, a hypothesis, an iteration."""
-Seed = Annotated[int, Meta(ge=0, le=2**32 - 1)]
-"""Seed of a random generator."""
 Length = Annotated[float, Meta(ge=1e-5, le=10)]
 """A distance that something is compared with or divided into [m]."""
 LengthOrNone = Annotated[float, Meta(ge=0, le=10)]

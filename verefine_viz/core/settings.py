@@ -23,21 +23,33 @@ from verefine_viz.core.algorithm_settings import (
     PpfSettings,
     TricpSettings,
 )
-from verefine_viz.core.setting_types import Count, Gravity, Index, InputPath, Pose, Seed, Settings, Weight
+from verefine_viz.core.number_kinds import Index, Seed
+from verefine_viz.core.setting_types import Count, Gravity, InputPath, Pose, Settings, Weight
 
 ModelSampling = Literal["random", "even"]
 """How points are spread over a model's surface."""
 
 
+Factor = Annotated[float, Meta(ge=1e-6, le=1e6)]
+PixelShift = Annotated[int, Meta(ge=-10_000, le=10_000)]
+PoseConvention = Literal["given", "inverse", "opengl", "transposed", "x90", "x-90"]
+"""What initial poses were read as."""
+
+
 class SceneSettings(Settings, frozen=True):
     """Which frames and which objects."""
 
-    source: Literal["bop", "demo", "folder", "layout"] = "demo"
+    source: Literal["bop", "demo", "folder", "layout", "labels"] = "demo"
     """bop: a data set folder in BOP layout. demo: a built-in scene, no data needed. folder: traces of
     verefine_viz.trace, or a folder as FoundationPose, SAM-6D, MegaPose, DenseFusion, DeepIM or YCB-Video have them;
-    which it is, it shows itself. layout: objects of YCB-V as a layout of the GRASPA benchmark has them, rendered."""
+    which it is, it shows itself. layout: objects of YCB-V as a layout of the GRASPA benchmark has them, rendered.
+    labels: the frames of a folder (bop or folder) with the objects that were labelled in them."""
     dataset: InputPath = ""
-    """bop, folder: the folder, relative to the session file; layout: that of the YCB-V models."""
+    """bop, folder, labels: the folder, relative to the session file; layout: that of the YCB-V models."""
+    labels: InputPath = ""
+    """Labels: the file of labels, relative to the session file."""
+    models: InputPath = ""
+    """Labels: the folder of the meshes to place; none = the data set's own."""
     layout: InputPath = ""
     """Layout: the XML file of a GRASPA layout, relative to the session file."""
     split: InputPath = "test"
@@ -73,6 +85,30 @@ class SceneSettings(Settings, frozen=True):
     """How: drawn at random, or evenly, each the farthest from those before (as the authors' clouds are)."""
 
 
+class DataSettings(Settings, frozen=True):
+    """What is put right in a frame's data after they are read; files stay as they are."""
+
+    depth_times: Factor = 1.0
+    """What depth is multiplied by."""
+    depth_along: Literal["z", "ray"] = "z"
+    """What the depth image holds: z, or the distance from the camera along each pixel's ray."""
+    depth_shift_px: tuple[PixelShift, PixelShift] = (0, 0)
+    """How far to the right and down the depth of a pixel lies in the depth image [px]."""
+    camera_times: tuple[Factor, Factor, Factor, Factor] = (1.0, 1.0, 1.0, 1.0)
+    """What fx, fy, cx and cy of cam_K are multiplied by."""
+    model_times: tuple[tuple[Index, Factor], ...] = ()
+    """How many times as large models are, each with its object id, as [[5, 1000]]."""
+    pose_times: Factor = 1.0
+    """What translations of initial poses are multiplied by."""
+    poses: PoseConvention = "given"
+    """How initial poses are written. inverse: camera in the object's frame. opengl: y up, z backwards. transposed:
+    rotations column by column. x90, x-90: for models that are turned so about x."""
+    inverted_masks: tuple[Index, ...] = ()
+    """Object ids whose masks cover everything but the object."""
+
+
+LABELLED = "labels"
+"""Scene source of frames that are labelled."""
 POSES_GIVEN = ("results", "perturb", "recorded")
 """Sources of initial poses that are no estimators."""
 
@@ -216,8 +252,8 @@ class PhysicsSettings(Settings, frozen=True):
     collider_unit_m: Annotated[float, Meta(gt=0, le=1000)] = 1.0
     """One unit of these files [m]; 0.001 for millimetres."""
     inertia: Literal["mesh", "box"] = "mesh"
-    """Whose centre of mass and moments of inertia an object has: its mesh's, or its bounding box's along the axes of
-    the model (authors' code: Bullet's default)."""
+    """Whose moments of inertia an object has, about the mesh's centre of mass: its mesh's, or its bounding box's along
+    the axes of the model (authors' code: Bullet's default)."""
     margin_m: Annotated[float, Meta(ge=0, le=0.1)] = 1e-4
     """Collision margin [m]; Bullet's default for meshes is 1e-3, which leaves objects 1 mm above the plane."""
     gravity_m_s2: Annotated[float, Meta(ge=0, le=1000)] = 9.81
@@ -283,6 +319,17 @@ class TrackedPose(Settings, frozen=True):
     """The earlier frame."""
 
 
+class StartPose(Settings, frozen=True):
+    """A pose that is an object's only hypothesis."""
+
+    frame: str
+    """The frame, as "scene/image"."""
+    instance: Index
+    """instance_id."""
+    T_cam_obj: Pose
+    """The pose, row by row [m]."""
+
+
 class Change(Settings, frozen=True):
     """Settings that were changed in the middle of a run."""
 
@@ -302,6 +349,7 @@ class Session(Settings, frozen=True):
     choice as the paper's text has it, and its budget for the refiner. published: as the authors' public code has it.
     Fields given explicitly win over it. docs/methods.md 1.8."""
     scene: SceneSettings = SceneSettings()
+    data: DataSettings = DataSettings()
     hypotheses: HypothesesSettings = HypothesesSettings()
     method: MethodSettings = MethodSettings()
     icp: IcpSettings = IcpSettings()
@@ -322,5 +370,8 @@ class Session(Settings, frozen=True):
     tracked: tuple[TrackedPose, ...] = ()
     """With `method.track`, what frames of this run began with, so that a recording or a saved session repeats them
     without solving the frames before."""
+    starts: tuple[StartPose, ...] = ()
+    """Poses that objects begin with in place of `[hypotheses]`, each the only one of its object, so that a saved
+    session repeats what "Refine this pose" of the page began."""
     changes: tuple[Change, ...] = ()
     """Settings changed during the run, so that a saved session repeats them."""

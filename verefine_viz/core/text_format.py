@@ -68,9 +68,9 @@ def _ranges(numbers: Iterable[int]) -> list[str]:
 def distinguishing_digits(lead: float) -> int:
     """As many decimals as it takes to see that one of two numbers, or of two sums of two, is larger by ``lead`` ≥ 0.
 
-    Two where that shows, or where nothing does; six at most.
+    Two where that shows, or where six do not show it either.
     """
-    return next((n for n in (2, 3, 4, 5) if lead >= 3 * 10.0**-n), 6 if lead > 0 else 2)
+    return next((n for n in (2, 3, 4, 5) if lead >= 3 * 10.0**-n), 6 if lead >= 2e-6 else 2)
 
 
 def plain(text: str) -> str:

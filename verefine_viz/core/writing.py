@@ -7,6 +7,7 @@ import fcntl
 import json
 import os
 import re
+import shutil
 import stat
 import tempfile
 import threading
@@ -204,17 +205,20 @@ def change_in_place(file: Path, before: bytes, after: bytes) -> None:
 
 
 def clear_parts(folder: Path, of: str = "") -> None:
-    """Removes what killed processes left half-written in a folder; what others are just writing stays.
+    """Removes files and folders that killed processes left half-written in a folder; those of others stay.
 
     Args:
         folder: it need not be there.
-        of: how the names of the files begin that are meant.
+        of: how the names begin that are meant.
     """
     for part in folder.glob("*.part"):
         writer = _PART.fullmatch(part.name)
         if writer and part.name.startswith(of) and not _is_running(int(writer[1])):
             with suppress(OSError):
-                part.unlink()
+                if part.is_dir() and not part.is_symlink():
+                    shutil.rmtree(part)
+                else:
+                    part.unlink()
 
 
 def _is_running(pid: int) -> bool:

@@ -16,28 +16,31 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec import structs
-from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import apply, inverse
-from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner, Simulator
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, SceneSettings
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
+from verefine_viz.evaluation.allowed_poses import AllowedPoses
+from verefine_viz.evaluation.allowed_search import allowed_poses
+from verefine_viz.evaluation.pose_errors import ErrorOf
+from verefine_viz.methods.known_methods import method_of
 from verefine_viz.methods.object_method import ObjectMethod
 from verefine_viz.methods.physim_mcts import mcts_physics, mcts_tricp
-from verefine_viz.methods.registry import make_method, method_of
+from verefine_viz.methods.registry import make_method
 from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.physics.registry import make_simulator
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.run.engine import Run
-from verefine_viz.run.toolbox import Toolbox
+
+if TYPE_CHECKING:
+    from verefine_viz.run.toolbox import Toolbox
 
 Pools = Mapping[int, Sequence[Hypothesis]]
 """Initial poses by instance_id, instead of an instance's own."""
@@ -58,24 +61,6 @@ HELPS = 0.5
 """A repair helps if it comes out right more often by this share of the re-runs."""
 LEFT_OUT = 0.1
 """Share of points, where all are used and none can be chosen otherwise, that is left out in another sample."""
-
-
-class ErrorOf:
-    """ADD(-S) of many poses of a model against one ground-truth pose, as a share of the diameter."""
-
-    def __init__(self, model: ObjectModel, T_cam_obj_gt: Float) -> None:
-        self._model = model
-        self._points_gt = apply(T_cam_obj_gt, model.points)
-        # The nearest estimated point is searched in the model's frame, where one tree serves all poses.
-        self._tree = KDTree(model.points) if model.is_symmetric else None
-
-    def __call__(self, T_cam_obj: Float) -> float:
-        """As :func:`verefine_viz.evaluation.pose_errors.pose_errors` has it in ``relative``."""
-        if self._tree is not None:
-            distance_m = self._tree.query(apply(inverse(T_cam_obj), self._points_gt))[0]
-        else:
-            distance_m = np.linalg.norm(apply(T_cam_obj, self._model.points) - self._points_gt, axis=1)
-        return float(np.mean(distance_m)) / self._model.diameter_m
 
 
 def cluster_of(problem: Problem, instance_id: int) -> tuple[int, ...]:
@@ -250,6 +235,15 @@ class Case:
     def error(self) -> float:
         """Error of the answer, as a share of the diameter; infinite where there is none."""
         return float("inf") if self.answer is None else self.error_of(self.answer.T_cam_obj)
+
+    @cached_property
+    def allowed(self) -> AllowedPoses:
+        """What the image allows beside ground truth, where there is an answer."""
+        assert self.answer is not None
+        placed = self.placed if self.lab.method(None).placed_may_hide else ()
+        return allowed_poses(
+            self.lab.verifier, self.target, self.T_gt, placed, self.trace.iterations, [self.answer.T_cam_obj]
+        )
 
     @cached_property
     def own(self) -> tuple[Iteration, ...]:

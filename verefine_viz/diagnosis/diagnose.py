@@ -8,27 +8,31 @@ it; the first confirmed one is the main cause, and only re-runs that are needed 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import takewhile
 from time import perf_counter
+from typing import TYPE_CHECKING
+
+from msgspec import structs
 
 from verefine_viz.calibration.consistency import data_doubts
+from verefine_viz.core.accuracy import CORRECT
+from verefine_viz.core.causes import CAUSES, Cause
+from verefine_viz.core.doubt import texts_of
+from verefine_viz.core.finding import Finding
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best, PlacedPose
-from verefine_viz.diagnosis.ambiguity import ambiguous
-from verefine_viz.diagnosis.case import ALONE, HELPS, TOGETHER, Case, Control, ErrorOf, Lab
-from verefine_viz.diagnosis.causes import Cause, Diagnosis, Finding
+from verefine_viz.diagnosis.case import ALONE, HELPS, TOGETHER, Case, Control, Lab
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.diagnosis.input_causes import INPUT_TESTS, ground_truth
 from verefine_viz.diagnosis.scene_causes import WORLD_TESTS, neighbour, simulation
-from verefine_viz.diagnosis.score_causes import discarded, score
+from verefine_viz.diagnosis.score_causes import ambiguous, discarded, score
 from verefine_viz.diagnosis.search_causes import SEARCH_TESTS, no_hypothesis
+from verefine_viz.evaluation.pose_errors import ErrorOf
 from verefine_viz.run.engine import Run
-from verefine_viz.run.record import DATA_FIRST
-from verefine_viz.run.toolbox import Toolbox
 
-THRESHOLD = 0.1
-"""An answer whose ADD(-S) is at least this share of the diameter has failed."""
+if TYPE_CHECKING:
+    from verefine_viz.run.toolbox import Toolbox
 
 
 def preference(case: Case) -> Finding | None:
@@ -39,23 +43,39 @@ def preference(case: Case) -> Finding | None:
     return finding
 
 
-_GIVEN = (*INPUT_TESTS, neighbour, preference, *WORLD_TESTS)
-"""What the run was given. Whatever it made of a wrong mask or plane does not tell what is wrong with the run."""
-_DONE = (discarded, ambiguous, simulation, *SEARCH_TESTS)
+_GIVEN = (*INPUT_TESTS, ambiguous, neighbour, preference, *WORLD_TESTS)
+"""What the run was given. Whatever it made of a wrong mask or plane does not tell what is wrong with the run. What the
+image cannot tell is asked before all that rests on a difference of scores."""
+_DONE = (discarded, simulation, *SEARCH_TESTS)
 """What the run did. A correct pose that it had is looked for first: whatever led away from others did not decide."""
 _TESTS: tuple[Callable[[Case], Finding | None], ...] = (*_GIVEN, *_DONE)
-_OF_THE_SCENE = (*INPUT_TESTS[:2], neighbour, preference, discarded, ambiguous, *SEARCH_TESTS)
+_OF_THE_SCENE = (*INPUT_TESTS[:2], ambiguous, neighbour, preference, discarded, *SEARCH_TESTS)
 """Where the object alone would have come right, no repair of what was given proves anything."""
-_BY_CHANCE = frozenset(
-    {Cause.SIMULATION, Cause.ARM_STARVED, Cause.BUDGET, Cause.OUT_OF_RANGE, Cause.REFINER, Cause.POOL}
-)
-"""Causes that need a control also where no re-run showed them; others are plain to see in what the run did."""
 _NO_RERUN = (preference,)
 """Tested even after a cause is confirmed, as it costs next to nothing."""
 
 
+@dataclass(frozen=True)
+class Diagnosis:
+    """Why one instance failed."""
+
+    instance_id: int
+    findings: tuple[Finding, ...]
+    """The main one first, then what else had a part in it, the likeliest first."""
+    n_reruns: int
+    """Runs of the method on this instance that it took to find out."""
+    ms: float = 0.0
+    """Time it took [ms]."""
+    doubts: tuple[str, ...] = ()
+    """What is off with the data of the frame, and may be behind the cause."""
+
+    @property
+    def main(self) -> Finding:
+        return self.findings[0]
+
+
 def diagnose(
-    run: Run, toolbox: Toolbox, threshold: float = THRESHOLD, every_cause: bool = False
+    run: Run, toolbox: Toolbox, threshold: float = CORRECT, every_cause: bool = False
 ) -> tuple[Diagnosis, ...]:
     """Why each failed instance of a finished run failed; instances without ground truth are passed over.
 
@@ -73,15 +93,11 @@ def diagnose(
     if not diagnoses:
         return ()
     # A wrong camera or unit changes all objects.
-    doubts = data_doubts(run.problem)
-    notes = "".join(f" {DATA_FIRST} {doubt}." for doubt in doubts)
-    return tuple(
-        replace(one, findings=(replace(one.main, text=one.main.text + notes), *one.findings[1:]), doubts=doubts)
-        for one in diagnoses
-    )
+    doubts = texts_of(data_doubts(run.problem))
+    return tuple(replace(one, doubts=doubts) for one in diagnoses)
 
 
-def failed_cases(run: Run, toolbox: Toolbox, threshold: float = THRESHOLD) -> Iterator[Case]:
+def failed_cases(run: Run, toolbox: Toolbox, threshold: float = CORRECT) -> Iterator[Case]:
     """The instances that failed, for :func:`diagnosed`; the arguments are those of :func:`diagnose`."""
     frame, lab, answers = FrameGroundTruth(run.problem), Lab(toolbox), run.best_at(run.length)
     for target in run.problem.targets:
@@ -121,7 +137,7 @@ def _controlled(case: Case, finding: Finding) -> tuple[Finding, Control | None]:
     A repair has to come out right more often than re-runs with nothing changed do. Where nothing is put right, as where
     no hypothesis leads to the ground truth, none of those may come out right.
     """
-    if not finding.is_confirmed or not (finding.rests_on or finding.cause in _BY_CHANCE):
+    if not finding.is_confirmed or not (finding.rests_on or CAUSES[Cause(finding.cause)].is_by_chance):
         return finding, None
     chance = case.unchanged(finding.rests_on or (TOGETHER if case.group else ALONE))
     if not chance.n_right:
@@ -131,8 +147,8 @@ def _controlled(case: Case, finding: Finding) -> tuple[Finding, Control | None]:
         repaired = case.repeated(finding.rests_on)
         evidence |= {"repaired": float(repaired.n), "repaired_right": float(repaired.n_right)}
         if repaired.n_right / repaired.n - chance.n_right / chance.n >= HELPS:
-            return replace(finding, numbers={**finding.numbers, **evidence}), None
-    return replace(finding, numbers={**finding.numbers, **evidence}, is_confirmed=False), chance
+            return structs.replace(finding, numbers={**finding.numbers, **evidence}), None
+    return structs.replace(finding, numbers={**finding.numbers, **evidence}, is_confirmed=False), chance
 
 
 def _undecided(case: Case, chance: Control) -> Finding:

@@ -2,36 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause
+from verefine_viz.core.finding import Finding
+from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Problem, Target
-from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.core.surroundings import SUPPORT_ID
-from verefine_viz.diagnosis.causes import Cause, Finding
-from verefine_viz.diagnosis.data_doubts import plane_doubt
-from verefine_viz.physics.plausibility import Plausibility, plausibility
-from verefine_viz.physics.proximity import Surfaces
+from verefine_viz.diagnosis.measured_heights import MeasuredHeights
+from verefine_viz.diagnosis.plane_doubt import plane_doubt
 from verefine_viz.physics.stability import IMPOSSIBLE_M
 
+if TYPE_CHECKING:
+    from verefine_viz.physics.plausibility import Plausibility
 
-def impossible(target: Target, physics: Plausibility, labels: Mapping[int, str]) -> Finding | None:
-    """That an object cannot lie in a pose; None where it can, or where only a plane that is in doubt says so.
+
+def impossible(
+    target: Target, placed: Placed, physics: Plausibility, labels: Mapping[int, str], heights: MeasuredHeights | None
+) -> Finding | None:
+    """That an object cannot lie in a pose; None where it can, or where only a plane or depth in doubt says so.
 
     Args:
         target: the object.
-        physics: of its pose.
+        placed: its pose.
+        physics: of that pose.
         labels: names of objects, by instance.
+        heights: what depth measures of the heights of the frame's objects, where that is in doubt.
     """
     support, into = target.observation.support, physics.penetrates
     is_of_object = into is not None and into != SUPPORT_ID
-    if physics.light != "red" or support is None or (plane_doubt(support) and not is_of_object):
+    if physics.light != "red" or support is None:
+        return None
+    if not is_of_object and (plane_doubt(support) or (heights and _explains(heights, placed, physics, support))):
         return None
     sentence = physics.sentence
     if into is not None and into in labels:
         sentence = sentence.replace(f"instance {into}.", f"the {labels[into]}.")
     detail = sentence.partition(":")[0]
-    if physics.penetration_mm > 1e3 * IMPOSSIBLE_M:
+    if physics.penetration_mm > physics.tolerance_mm:
         detail = f"Sinks {physics.penetration_mm:.1f} mm"
     elif physics.gap_mm > 1e3 * IMPOSSIBLE_M:
         detail = f"Floats {physics.gap_mm:.1f} mm"
@@ -43,16 +55,27 @@ def impossible(target: Target, physics: Plausibility, labels: Mapping[int, str])
     )
 
 
+def _explains(heights: MeasuredHeights, placed: Placed, physics: Plausibility, support: Support) -> bool:
+    """Whether a pose sinks into the support, or floats, no further than heights that depth measures wrong explain."""
+    up = support.T_world_cam[:3, :3].T @ support.normal_world
+    explained_mm = 1e3 * heights.explained_m(float(np.ptp(placed.model.vertices @ (placed.T_cam_obj[:3, :3].T @ up))))
+    sinks_mm, floats_mm = physics.penetration_mm - physics.tolerance_mm, physics.gap_mm - 1e3 * IMPOSSIBLE_M
+    return 0 < sinks_mm <= explained_mm or 0 < floats_mm <= -explained_mm
+
+
 def impossible_answers(
-    problem: Problem, poses: Sequence[Float | None], settings: PhysicsSettings, surfaces: Surfaces
+    problem: Problem,
+    poses: Sequence[Float | None],
+    plausibility_of: Callable[[Placed, Sequence[Placed], Support], Plausibility],
+    heights: MeasuredHeights | None,
 ) -> dict[int, Finding]:
     """Answers without ground truth that cannot be, by instance, each among all others.
 
     Args:
         problem: the frame.
         poses: T_cam_obj (4, 4) that answers each target, None where there is none.
-        settings: of the simulator.
-        surfaces: of the models, where they are cached.
+        plausibility_of: what physics says of an object among others on the support plane.
+        heights: what depth measures of heights, where that is in doubt.
     """
     support = problem.observation.support
     if support is None:
@@ -69,7 +92,7 @@ def impossible_answers(
         if own is None or target.instance.T_cam_obj_gt is not None:
             continue
         others = [other for other in placed.values() if other is not own]
-        finding = impossible(target, plausibility(own, others, support, settings, surface_of=surfaces), labels)
+        finding = impossible(target, own, plausibility_of(own, others, support), labels, heights)
         if finding is not None:
             findings[own.instance_id] = finding
     return findings

@@ -9,14 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion
 
+from verefine_viz.calibration.depth_shift import AGREES
 from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.causes import Cause
 from verefine_viz.core.errors import NoSupportError
+from verefine_viz.core.finding import Finding
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Target
 from verefine_viz.diagnosis.case import Case
-from verefine_viz.diagnosis.causes import Cause, Finding, instead
-from verefine_viz.diagnosis.frame_ground_truth import AGREES
+from verefine_viz.diagnosis.number_words import instead
 from verefine_viz.diagnosis.signs import ground_truth_is_unfit
 from verefine_viz.diagnosis.symmetry import undeclared_turn
 from verefine_viz.observation.normals import estimate_normals

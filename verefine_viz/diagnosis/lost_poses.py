@@ -9,7 +9,7 @@ from itertools import pairwise
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Best, Iteration, Stage
 from verefine_viz.core.scores import PoseScore
-from verefine_viz.diagnosis.causes import distinct_texts
+from verefine_viz.diagnosis.number_words import distinct_texts
 
 FAR = 0.25
 """A start further away than this share of the diameter is not near (ADD(-S))."""

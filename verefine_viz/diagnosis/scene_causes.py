@@ -9,12 +9,15 @@ import numpy as np
 from msgspec import structs
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause
+from verefine_viz.core.finding import Finding
 from verefine_viz.core.geometry import angle_between, apply
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Hypothesis, Placed
 from verefine_viz.core.records import Iteration
-from verefine_viz.diagnosis.case import Case, ErrorOf, Rerun
-from verefine_viz.diagnosis.causes import Cause, Finding, instead
+from verefine_viz.diagnosis.case import Case, Rerun
+from verefine_viz.diagnosis.number_words import instead
+from verefine_viz.evaluation.pose_errors import ErrorOf
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.scenes.frame_surroundings import with_surroundings
 

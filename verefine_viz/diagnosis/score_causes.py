@@ -1,4 +1,4 @@
-"""Does the verification score prefer the wrong answer to ground truth, and because of which pixels?"""
+"""Does the verification score prefer the wrong answer to ground truth, or can it not tell the two apart?"""
 
 from __future__ import annotations
 
@@ -7,12 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause
+from verefine_viz.core.finding import Finding
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.diagnosis import lost_poses
 from verefine_viz.diagnosis.case import Case
-from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts
-from verefine_viz.evaluation.pose_errors import rotation_error_deg, turning_on
+from verefine_viz.diagnosis.number_words import distinct_texts
+from verefine_viz.diagnosis.other_pose import unseen_error
+from verefine_viz.diagnosis.preferred_poses import preferred
+from verefine_viz.evaluation.allowed_search import alike_pose
+from verefine_viz.evaluation.rotation_errors import rotation_error_deg, turning_on
+from verefine_viz.evaluation.seen_error import nearest_allowed
 from verefine_viz.rendering.explained import ExplainedPixels
 
 POLISHING = 12
@@ -22,8 +28,6 @@ AT_REST = 1e-6
 """The refiner moves such a pose no more."""
 WORTH_A_WAY_DEG = 5.0
 """Rotation [deg] below which it does not matter which way it goes."""
-BLAMED = ("missed", "protruding")
-"""Classes that cost a pose its score."""
 
 
 def score(case: Case) -> Finding | None:
@@ -180,47 +184,29 @@ def _way(case: Case) -> str:
     return f" ({rotation_error_deg(case.target.model, case.answer.T_cam_obj, case.T_gt):.0f}°: {way.describe(0)})"
 
 
-def preferred(
-    name: str, error: float, wrong: PoseScore, right: PoseScore, way: str = "", whose: str = "The score"
-) -> str:
-    """The sentence about a score that prefers a wrong pose, or gives it as much as the ground truth.
+def ambiguous(case: Case) -> Finding | None:
+    """The answer is next to a pose that the observation cannot tell from ground truth, by the object's own score.
 
-    Args:
-        name: of the object.
-        error: of the wrong pose, as a share of the diameter.
-        wrong: its score.
-        right: that of ground truth, which is not higher.
-        way: which way the pose is turned, in words.
-        whose: score it is: the object's, or that of its scene.
+    What ground truth leaves unexplained says how much a score may err: a wrong answer leaves more.
     """
-    pose = f"a pose of the {name} that is wrong by {error:.0%} of the diameter{way}"
-    of_wrong, of_gt = distinct_texts(wrong.score, right.score, 3)
-    if of_wrong == of_gt:
-        return f"{whose} gives {pose} as much as the ground truth: {of_gt}."
-    return f"{whose} prefers {pose}: {of_wrong} against {of_gt} for the ground truth{_explanation(wrong, right)}."
-
-
-def blamed_pixels(wrong: PoseScore, right: PoseScore) -> str | None:
-    """The class of pixels that costs ground truth its lead over a wrong pose; None where neither class does."""
-    more = {name: right.shares[name] - wrong.shares[name] for name in BLAMED}
-    name = max(more, key=lambda n: more[n])
-    return name if more[name] > 0.01 else None
-
-
-def _explanation(wrong: PoseScore, right: PoseScore) -> str:
-    """What costs ground truth its lead: the pixels that do it, else the fit; empty where neither shows it."""
-    if not (wrong.has_parts and right.has_parts):
-        return ""
-    name = blamed_pixels(wrong, right)
-    if name is not None:
-        what = {"missed": "missed (measured, and no model there)", "protruding": "protruding into free space"}[name]
-        shares = f"{right.shares[name]:.0%} of the pixels count as {what}"
-        return f", in which {shares}, against {wrong.shares[name]:.0%} in the answer"
-    depth, normals = wrong.depth_fit - right.depth_fit, wrong.normal_fit - right.normal_fit
-    if depth > normals:
-        what, fits = "depth fits", distinct_texts(right.depth_fit, wrong.depth_fit, 2)
-    else:
-        what, fits = "normals fit", distinct_texts(right.normal_fit, wrong.normal_fit, 2)
-    if max(depth, normals) <= 0 or fits[0] == fits[1]:
-        return ""
-    return f", whose {what} less well ({fits[0]} against {fits[1]})"
+    if case.answer is None or not case.lab.traits.verifies:
+        return None
+    allowed, model, T_answer = case.allowed, case.target.model, case.answer.T_cam_obj
+    seen, apart_mm = nearest_allowed(allowed, model, T_answer)
+    if apart_mm >= case.threshold * 1e3 * model.diameter_m:
+        return None
+    placed = case.placed if case.lab.method(None).placed_may_hide else ()
+    of_answer = alike_pose(case.lab.verifier, case.target, allowed, seen, placed)
+    if of_answer.is_better:
+        return None  # The score prefers it.
+    evidence = {
+        "score": of_answer.score,
+        "score_of_other": of_answer.score_of_answer,
+        "score_noise": of_answer.noise,
+        "apart_mm": of_answer.apart_mm,
+        "undetermined_mm": allowed.undetermined_mm,
+        "undetermined_deg": allowed.undetermined_deg,
+        "error_seen": 1e-3 * apart_mm / model.diameter_m,
+        "error": case.error,
+    }
+    return Finding(Cause.AMBIGUOUS, unseen_error(case.name, allowed, of_answer), evidence, True)

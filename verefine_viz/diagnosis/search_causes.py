@@ -8,13 +8,16 @@ from itertools import pairwise
 import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause
+from verefine_viz.core.finding import Finding
 from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.records import Best
 from verefine_viz.diagnosis import lost_poses, score_causes, signs
 from verefine_viz.diagnosis.case import ALONE, FAR, Case, Pools, Rerun
-from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts, instead, share
 from verefine_viz.diagnosis.input_causes import likely_unit
-from verefine_viz.evaluation.pose_errors import pose_errors, turning_on
+from verefine_viz.diagnosis.number_words import distinct_texts, instead, share
+from verefine_viz.evaluation.pose_errors import pose_errors
+from verefine_viz.evaluation.rotation_errors import turning_on
 from verefine_viz.refiners.registry import make_refiner
 
 ICP = "icp"

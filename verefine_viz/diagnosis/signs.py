@@ -6,8 +6,13 @@ the score prefers a wrong pose. Where a diagnosis would let a re-run decide, a s
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+from msgspec import structs
+
+from verefine_viz.core.accuracy import CORRECT, PoseErrors
+from verefine_viz.core.causes import CAUSES, Cause
+from verefine_viz.core.finding import Finding
 from verefine_viz.core.problem import Target
 from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.records import Best
@@ -15,17 +20,15 @@ from verefine_viz.core.refiner_steps import TrainedRange, TrainedRefiner
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import distinguishing_digits
-from verefine_viz.diagnosis.ambiguity import OtherPose, brief, describe
-from verefine_viz.diagnosis.causes import DECLARE, Cause, Finding, millimetres
-from verefine_viz.diagnosis.data_doubts import plane_doubt
 from verefine_viz.diagnosis.lost_poses import FAR, Discarded, Lost
-from verefine_viz.diagnosis.score_causes import blamed_pixels, preferred
-from verefine_viz.diagnosis.symmetry import UndeclaredTurn
-from verefine_viz.evaluation.landscape import Landscape
-from verefine_viz.evaluation.matched_estimates import CORRECT
-from verefine_viz.evaluation.pose_errors import PoseErrors
+from verefine_viz.diagnosis.number_words import millimetres
+from verefine_viz.diagnosis.other_pose import brief, describe
+from verefine_viz.diagnosis.plane_doubt import plane_doubt
+from verefine_viz.diagnosis.preferred_poses import blamed_pixels, preferred
+from verefine_viz.diagnosis.undeclared_turn import UndeclaredTurn
+from verefine_viz.evaluation.allowed_poses import AllowedPoses
 from verefine_viz.evaluation.trained_range import Start, start_of
-from verefine_viz.methods.registry import MethodInfo, method_of
+from verefine_viz.methods.known_methods import MethodInfo, method_of
 
 STARVED = 0.3
 """A hypothesis that got at most this share of an even split of the iterations, or one of them, was starved."""
@@ -36,14 +39,14 @@ UNFIT_SCORE, FITTING_SCORE = 0.4, 0.7
 model with other axes (Y up) scored 0.08, its answers 0.94."""
 LEAK_SHARE = 0.25
 """More of the pixels without the model may be a mask that leaks."""
-NO_LEAD = 1e-6
+NO_LEAD = 5e-4
 """A smaller lead is none [score]."""
+SAME_POSE_MM = 0.5
+"""Poses that are nearer than this are one [mm]."""
 NEAR_TIE = 0.03
 """A smaller lead says little about which pose is better [score]. Of refined pairs on real frames, the one that scores
 less is more than 1 mm nearer to ground truth in 3 of 10 where 0.01 to 0.03 lie between, in 3 of 20 up to 0.1, and never
 beyond."""
-APART = 0.1
-"""Poses further apart than this share of the diameter are two answers."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +59,12 @@ class RunnerUp:
     apart_mm: float
     """ADD(-S) between it and the answer [mm]."""
 
-    def describe(self) -> str:
-        """Lead and runner-up: "0.003 ahead of hypothesis 2"."""
+    def describe(self, answer: Best) -> str:
+        """Lead of ``answer`` over the runner-up: "0.003 ahead of hypothesis 2"; none where both are one pose."""
         lead, rival = self.lead, f"hypothesis {self.pose.arm + 1}"
+        if self.apart_mm < SAME_POSE_MM:
+            one, two = sorted((answer.arm + 1, self.pose.arm + 1))
+            return f"hypotheses {one} and {two} end in the same pose"
         return f"level with {rival}" if lead < NO_LEAD else f"{lead:.{distinguishing_digits(lead)}f} ahead of {rival}"
 
 
@@ -87,10 +93,11 @@ class FinishedObject:
     """None where no other hypothesis could have been the answer."""
     impossible: Finding | None = None
     """That it cannot lie where the answer has it; None where it can, or that is unknown."""
-    around: Landscape | None = None
-    """The score around the answer, where it is known."""
-    other_pose: OtherPose | None = None
-    """A pose that the observation cannot tell from the answer."""
+    allowed: AllowedPoses | None = None
+    """The poses that the image allows beside the answer, where they are known."""
+    seen: tuple[AllowedPoses, float] | None = None
+    """Of a wrong answer the poses that the image allows beside ground truth, and how far it is from them by ADD(-S)
+    [mm], where that is known."""
 
     @property
     def instance_id(self) -> int:
@@ -99,7 +106,7 @@ class FinishedObject:
     @property
     def is_wrong(self) -> bool:
         """Whether the answer is known to be wrong."""
-        return self.errors is not None and self.errors.relative >= CORRECT
+        return self.errors is not None and not self.errors.is_correct
 
     @property
     def is_misled(self) -> bool:
@@ -137,6 +144,9 @@ def signs(o: FinishedObject, session: Session, refiner: Refiner | None = None) -
     whole = _unfit(o) or _symmetric(o, session)
     if whole is not None:
         return (whole,)
+    unseen = _unseen_error(o)
+    if unseen is not None:
+        return (unseen,)
     by_score = _misled(o, method)
     if o.discarded is not None:
         way = [_discarded(o, o.discarded)]
@@ -180,8 +190,9 @@ def _symmetric(o: FinishedObject, session: Session) -> Finding | None:
         return None
     finding = turn.finding(o.target.model.name)
     tells = turn.texture_tells and session.score.colour_weight == 0
-    text = f"{finding.text} {DECLARE[0].upper()}{DECLARE[1:]}."
-    return replace(finding, text=text, is_confirmed=False, try_={"score.colour_weight": 0.1} if tells else None)
+    advice = CAUSES[Cause.SYMMETRIC].advice
+    text = f"{finding.text} {advice[0].upper()}{advice[1:]}."
+    return structs.replace(finding, text=text, is_confirmed=False, try_={"score.colour_weight": 0.1} if tells else None)
 
 
 def _leak(o: FinishedObject) -> Finding | None:
@@ -197,6 +208,21 @@ def _leak(o: FinishedObject) -> Finding | None:
         {"missed_share": o.score.shares["missed"]},
         short="" if o.is_wrong else f"{missed} of its mask unexplained: does it leak?",
         detail=f": {at_gt} missed even at ground truth" if o.is_wrong else "",
+    )
+
+
+def _unseen_error(o: FinishedObject) -> Finding | None:
+    """The answer is right as far as the image shows."""
+    if o.seen is None or o.errors is None or o.seen[1] >= CORRECT * 1e3 * o.target.model.diameter_m:
+        return None
+    allowed, error_mm = o.seen
+    deg, shift = f"{o.errors.rotation_deg:.0f}°", millimetres(o.errors.translation_mm)
+    return Finding(
+        Cause.AMBIGUOUS,
+        f"The {o.label} is {deg} and {shift} off, and the image does not tell: beside the ground truth it allows a "
+        f"pose {millimetres(error_mm)} from the answer; {allowed.least_certain.describe()}.",
+        {"error": o.errors.relative, "error_seen": 1e-3 * error_mm / o.target.model.diameter_m},
+        detail=f": {deg if o.errors.rotation_deg >= 1 else shift} off, no pixel speaks against it",
     )
 
 
@@ -363,18 +389,19 @@ def _low(o: FinishedObject, method: MethodInfo) -> Finding | None:
 
 
 def _ambiguous(o: FinishedObject) -> Finding | None:
-    if o.other_pose is None or o.around is None:
+    if o.allowed is None or o.allowed.furthest is None:
         return None
-    numbers = {"apart_mm": o.other_pose.apart_mm, "score_noise": o.other_pose.noise}
-    text = describe(o.label, o.around, o.other_pose)
-    return Finding(Cause.AMBIGUOUS, text, numbers, short=brief(o.around, o.other_pose))
+    other = o.allowed.furthest
+    numbers = {"apart_mm": other.apart_mm, "score_noise": other.noise}
+    text = describe(o.label, o.allowed, other)
+    return Finding(Cause.AMBIGUOUS, text, numbers, short=brief(o.allowed, other))
 
 
 def _near_tie(o: FinishedObject) -> Finding | None:
     """Another hypothesis scores nearly as much elsewhere."""
-    rival = o.runner_up
-    if rival is None or rival.lead >= NEAR_TIE or rival.apart_mm <= APART * o.target.model.diameter_m * 1e3:
+    rival, limit_mm = o.runner_up, CORRECT * o.target.model.diameter_m * 1e3
+    if rival is None or o.answer is None or rival.lead >= NEAR_TIE or rival.apart_mm <= limit_mm:
         return None
-    short = f"{rival.describe()}, which lies {millimetres(rival.apart_mm)} away"
+    short = f"{rival.describe(o.answer)}, which lies {millimetres(rival.apart_mm)} away"
     numbers = {"margin": rival.lead, "apart_mm": rival.apart_mm}
     return Finding(Cause.AMBIGUOUS, f"The answer for the {o.label} is {short}.", numbers, short=short)

@@ -2,73 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import angle_between, apply, inverse, transform
+from verefine_viz.core.geometry import angle_between, inverse, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.diagnosis.case import ErrorOf
-from verefine_viz.diagnosis.causes import Cause, Finding, instead
+from verefine_viz.diagnosis.undeclared_turn import UndeclaredTurn
 from verefine_viz.evaluation.near_symmetry import OrientedPoints
-from verefine_viz.evaluation.pose_errors import adds_mm
+from verefine_viz.evaluation.pose_errors import ErrorOf, adds_mm
+from verefine_viz.evaluation.proposed_symmetries import NEARLY_ALL, NOISE_M, colors_differ
 
-SAME_SHARE, NOISE_M = 0.02, 0.0015
+SAME_SHARE = 0.02
 """Two surfaces are the same if nearly all of each lies closer to the other than this share of the diameter. What turns
-by any angle may be off by as much more as a depth sensor is [m] (real depth is 0.7 to 1.6 mm from true models): a can
-that is 2.3 to 3.7 mm from round is round, but not the same upside down."""
-NEARLY_ALL = 0.98
+by any angle may be off by as much more as a depth sensor is (``NOISE_M``): a can that is 2.3 to 3.7 mm from round is
+round, but not the same upside down."""
 LEAST_TURN_RAD = np.radians(5.0)
 """Less of a turn is no symmetry but an error."""
 STEPS = 30
-TEXTURE = 0.05
-"""Colours that differ by more in the mean can tell a turn."""
-
-
-@dataclass(frozen=True)
-class UndeclaredTurn:
-    """An estimate that is right but for a turn after which the object has the same shape."""
-
-    turn_deg: float
-    error: float
-    """Error of the estimate, as a share of the diameter."""
-    error_with_symmetry: float
-    """What it would be if the model declared that turn."""
-    colors_differ: float | None = None
-    """By how much the colours of the model differ after the turn, in [0, 1]; None where it has none."""
-
-    @property
-    def texture_tells(self) -> bool:
-        """Whether the colours of the model differ after the turn."""
-        return self.colors_differ is not None and self.colors_differ >= TEXTURE
-
-    def describe(self, name: str) -> str:
-        """What it means for the answer of the object ``name``."""
-        return (
-            f"The {name} has the same shape when turned by {self.turn_deg:.0f}°, but its model declares no such "
-            "symmetry, so that the turn counts as an error: with it declared, "
-            f"{instead(self.error_with_symmetry, self.error)}.{self._texture_note()}"
-        )
-
-    def finding(self, name: str) -> Finding:
-        """That it alone makes the answer of the object ``name`` count as wrong."""
-        return Finding(
-            Cause.SYMMETRIC,
-            self.describe(name),
-            {"turn_deg": self.turn_deg, "error": self.error, "error_with_symmetry": self.error_with_symmetry},
-            True,
-            detail=f": turned by {self.turn_deg:.0f}°",
-        )
-
-    def _texture_note(self) -> str:
-        if self.colors_differ is None:
-            return " Whether texture could tell is not known: the model has no colours."
-        if not self.texture_tells:
-            return " Its colours are alike as well."
-        return " Its texture could tell, as colours differ there; depth cannot."
 
 
 def undeclared_turn(model: ObjectModel, T_est: Float, T_gt: Float, threshold: float) -> UndeclaredTurn | None:
@@ -96,16 +47,7 @@ def undeclared_turn(model: ObjectModel, T_est: Float, T_gt: Float, threshold: fl
     if with_symmetry >= threshold:
         return None
     turn_deg = float(np.rad2deg(angle_between(np.eye(3), S[:3, :3])))
-    return UndeclaredTurn(turn_deg, error, with_symmetry, _colors_differ(model, S))
-
-
-def _colors_differ(model: ObjectModel, S: Float) -> float | None:
-    """Mean difference of a vertex' colour to that of the nearest one after the turn, in [0, 1]."""
-    if model.vertex_colors is None:
-        return None
-    nearest = KDTree(model.vertices).query(apply(S, model.vertices))[1]
-    colors = model.vertex_colors / 255.0
-    return float(np.abs(colors - colors[nearest]).mean())
+    return UndeclaredTurn(turn_deg, error, with_symmetry, colors_differ(model, S))
 
 
 def nearby_symmetry(model: ObjectModel, T: Float) -> Float | None:

@@ -26,6 +26,7 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.scores import PixelGrid
+from verefine_viz.evaluation.fit_error import NO_FIT_ERROR, fit_error
 from verefine_viz.observation.normals import estimate_normals
 
 BLOCK_PX = 15
@@ -151,24 +152,39 @@ class ScoreNoise:
         target: the object in its frame.
         T_cam_obj: (4, 4) the pose that others are compared with.
         placed: other objects that may hide parts.
+        free: of a pose that was fitted the motions that were free, each as the poses (4, 4) at its two ends. What the
+            fit leaves unexplained then tells of errors of depth and mesh (:mod:`verefine_viz.evaluation.fit_error`)
+            beside the noise of the pixels; and what the motions can undo is no noise of a difference.
     """
 
-    def __init__(self, verifier: Verifier, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> None:
+    def __init__(
+        self,
+        verifier: Verifier,
+        target: Target,
+        T_cam_obj: Float,
+        placed: Sequence[Placed] = (),
+        free: Sequence[tuple[Float, Float]] = (),
+    ) -> None:
         self._verifier, self._target, self._placed = verifier, target, tuple(placed)
         observation = target.observation
         noise = depth_noise(observation)
         top, left, rows, columns, step = _window(target, T_cam_obj)
         self._step = step
-        here = np.s_[top : top + rows * step, left : left + columns * step]
-        depth_m, camera = observation.depth_m[here], observation.camera
-        K = np.array([[camera.fx, 0, camera.cx - left], [0, camera.fy, camera.cy - top], [0, 0, 1]])
-        part = Camera(K, depth_m.shape[1], depth_m.shape[0])
         self._grid = PixelGrid(
             top + step // 2 + step * np.arange(rows, dtype=np.int64),
             left + step // 2 + step * np.arange(columns, dtype=np.int64),
         )
+        error = NO_FIT_ERROR
+        if free:
+            at_object_m = float(noise.at_m(np.asarray(apply(T_cam_obj, target.model.middle_m[None])[0, 2])))
+            maps = verifier.maps(target, T_cam_obj, self._placed, self._grid)
+            error = fit_error(maps, step, at_object_m, noise.grain_px)
+        here = np.s_[top : top + rows * step, left : left + columns * step]
+        depth_m, camera = observation.depth_m[here], observation.camera
+        K = np.array([[camera.fx, 0, camera.cx - left], [0, camera.fy, camera.cy - top], [0, 0, 1]])
+        part = Camera(K, depth_m.shape[1], depth_m.shape[0])
         centre_m = depth_m[np.ix_(self._grid.rows - top, self._grid.columns - left)].astype(np.float64)
-        self._spread_m = np.maximum(noise.at_m(centre_m), 1e-9)
+        self._spread_m = np.maximum(np.hypot(noise.at_m(centre_m), error.std_m), 1e-9)
         # A cell stands for all of its pixels. Their normals share most of their windows, so a few of them will do.
         own = np.unique(np.linspace(0, step - 1, SAMPLED + 2).round().astype(np.int64)[1:-1])
         sampled = PixelGrid(*((step * np.arange(n)[:, None] + own).ravel() for n in (rows, columns)))
@@ -184,6 +200,7 @@ class ScoreNoise:
         changes = np.empty((N_DRAWS, rows, columns, 4), np.float32)
         for change in changes:
             drawn_m = resampled(depth_m, noise, rng)
+            drawn_m = np.where(drawn_m > 0, drawn_m + error.draw(depth_m.shape, rng), 0).astype(np.float32)
             change[..., 0] = cell_means(drawn_m - depth_m)
             change[..., 1:] = cell_means(estimate_normals(drawn_m, part, at=sampled) - before)
         self._changes = changes.reshape(N_DRAWS, -1)
@@ -203,6 +220,14 @@ class ScoreNoise:
         spread = self._spread(self._slope) if self._drawn is None else self._drawn
         self.most = 2.0 * float(np.hypot(spread, self._resolution))
         """About the largest noise of a difference: that of two poses whose scores share nothing."""
+        self.gradient: Float | None = None
+        """(draws, n) the noise of the difference between the two ends of each free motion; None where there are none,
+        or the score is not made of pixels."""
+        self._motions: Float | None = None
+        if free and slope is not None:
+            n_pixels = int(scores.n_pixels[JITTERS])
+            ends = [[self._slope_of(end, n_pixels) for end in pair] for pair in free]
+            self._undo(np.array([there - back for there, back in ends if there is not None and back is not None]))
 
     def of(self, T_cam_obj: Float, n_pixels: int) -> float:
         """Standard deviation of the score of ``T_cam_obj`` (4, 4) minus that of the pose compared with; ``n_pixels``: N
@@ -213,7 +238,21 @@ class ScoreNoise:
     def of_depth(self, T_cam_obj: Float, n_pixels: int) -> float:
         """The part of it that is due to the noise of the depth image."""
         slope = None if self._drawn is not None else self._slope_of(T_cam_obj, n_pixels)
-        return np.sqrt(2) * (self._drawn or 0.0) if slope is None else self._spread(slope - self._slope)
+        if slope is None:
+            return np.sqrt(2) * (self._drawn or 0.0)
+        apart = slope - self._slope
+        if self._motions is not None:
+            own = (apart * self._unit).astype(np.float64)
+            rest = own - self._motions @ (self._motions.T @ own)
+            apart = (rest / self._unit).astype(np.float32)
+        return self._spread(apart)
+
+    def _undo(self, slopes: NDArray[np.float32]) -> None:
+        """Learns what free motions do: ``slopes`` (n, cells · 4), the difference between the two ends of each."""
+        self.gradient = np.einsum("ki,ni->kn", self._changes, slopes).astype(np.float64)
+        # In units of each cell's noise, so that cells count by what they add to it.
+        self._unit = np.sqrt(np.mean(self._changes**2, axis=0)) + np.float32(1e-12)
+        self._motions = np.linalg.qr((slopes * self._unit).T.astype(np.float64))[0]
 
     def _spread_of_images(self, T_cam_obj: Float, noise: DepthNoise) -> float:
         """Standard deviation of a pose's score over images with as much noise again."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from verefine_viz.core.accuracy import CORRECT
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.kernels import kernel
 from verefine_viz.evaluation.bop_model import EvalModel
@@ -77,10 +78,6 @@ def _match(errors, limits, valid, matched):
         if best >= 0:
             taken[best] = True
             matched[e] = best
-
-
-CORRECT = 0.1
-"""An instance with ADD(-S) below this share of the diameter counts as correct (Hinterstoisser 2012)."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import platformdirs
@@ -105,6 +106,10 @@ class NearSymmetry:
         return transform(R, self.centre_m - R @ self.centre_m)
 
 
+_known: WeakKeyDictionary[ObjectModel, tuple[NearSymmetry, ...]] = WeakKeyDictionary()
+"""Near-symmetries of the models of all frames, which share them."""
+
+
 def near_symmetries(
     model: ObjectModel, folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
 ) -> tuple[NearSymmetry, ...]:
@@ -118,6 +123,15 @@ def near_symmetries(
     Raises:
         Cancelled: through ``progress``; nothing is cached.
     """
+    if folder is None and model in _known:
+        return _known[model]
+    known = _cached(model, folder, progress)
+    if folder is None:
+        _known[model] = known
+    return known
+
+
+def _cached(model: ObjectModel, folder: Path | None, progress: ProgressToken) -> tuple[NearSymmetry, ...]:
     folder = folder or Path(platformdirs.user_cache_dir("verefine-viz")) / "symmetries"
     file = folder / f"{model.mesh_hash}-{1e6 * model.diameter_m:.0f}um-v{FORMAT}.npz"
     return cached(
@@ -144,7 +158,7 @@ def sought(model: ObjectModel, progress: ProgressToken = NEVER_CANCELLED) -> tup
     Raises:
         Cancelled: through ``progress``.
     """
-    surface = OrientedPoints(*_sampled(model), model.diameter_m)
+    surface = OrientedPoints(*sampled(model), model.diameter_m)
     limit_m = NEAR_SHARE * model.diameter_m
     progress.checkpoint()
     T = _starts(surface)
@@ -231,7 +245,7 @@ class OrientedPoints:
         return T
 
 
-def _sampled(model: ObjectModel) -> tuple[Float, Float]:
+def sampled(model: ObjectModel) -> tuple[Float, Float]:
     """Points (N, 3) spread evenly over the mesh in random order, and their normals: the same at each call."""
     a, b, c = (model.vertices[model.faces[:, k]] for k in range(3))
     cross = np.cross(b - a, c - a)

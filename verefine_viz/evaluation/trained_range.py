@@ -10,7 +10,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, rotation_vector, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.refiner_steps import TrainedRange
-from verefine_viz.evaluation.pose_errors import symmetric_angles_rad
+from verefine_viz.evaluation.rotation_errors import symmetric_angles_rad
 
 
 @dataclass(frozen=True, eq=False)

@@ -125,6 +125,43 @@ def spheres_overlap_in_image(t_est_mm: Float, t_gt_mm: Float, diameter_mm: float
     return bool(apart < 0.5 * diameter_mm * (1.0 / t_est_mm[2] + 1.0 / t_gt_mm[2]))
 
 
+def seen(
+    depth_mm: NDArray[np.float32], drawn_mm: NDArray[np.float32], K: Float, delta_mm: float = DELTA_MM
+) -> NDArray[np.bool_]:
+    """The pixels (H, W) in which a drawn surface is visible by the toolkit's mode "bop19": at most ``delta_mm`` behind
+    the measured one, or where nothing was measured.
+
+    Args:
+        depth_mm: the measured image (H, W) [mm]; 0 where nothing was measured.
+        drawn_mm: the drawn one (H, W) [mm]; 0 where there is nothing.
+        K: (3, 3) camera matrix [px]; a skew is ignored.
+        delta_mm: see :data:`DELTA_MM`.
+    """
+    is_seen = np.zeros(depth_mm.shape, np.bool_)
+    _see(depth_mm, drawn_mm, K[0, 0], K[1, 1], K[0, 2], K[1, 2], np.float32(delta_mm), is_seen)
+    return is_seen
+
+
+@kernel()
+def _distance(u, v, z):
+    """Along the ray (u, v, 1) to depth z."""
+    return np.sqrt((u * z) ** 2 + (v * z) ** 2 + z**2)
+
+
+@kernel()
+def _is_seen(drawn, measured, delta):
+    return drawn > 0.0 and (measured == 0.0 or np.float32(drawn) - np.float32(measured) <= delta)
+
+
+@kernel(nogil=True)
+def _see(depth, drawn, fx, fy, cx, cy, delta, is_seen):
+    for y in range(depth.shape[0]):
+        for x in range(depth.shape[1]):
+            u, v = (x - cx) / fx, (y - cy) / fy
+            measured = _distance(u, v, np.float64(depth[y, x]))
+            is_seen[y, x] = _is_seen(_distance(u, v, np.float64(drawn[y, x])), measured, delta)
+
+
 @kernel(nogil=True)
 def _compare(depth, gt, x_gt, y_gt, estimate, x_est, y_est, fx, fy, cx, cy, delta, diameter, taus, costs):
     """Counts the visible pixels that both surfaces have and those that either has; adds to ``costs`` for each τ."""
@@ -148,12 +185,12 @@ def _compare(depth, gt, x_gt, y_gt, estimate, x_est, y_est, fx, fy, cx, cy, delt
                 z_est = np.float64(estimate[y - y_est, x - x_est])
             if z_gt == 0.0 and z_est == 0.0:
                 continue
-            u, v, z = (x - cx) / fx, (y - cy) / fy, np.float64(depth[y, x])
-            d = np.sqrt((u * z) ** 2 + (v * z) ** 2 + z**2)
-            d_gt = np.sqrt((u * z_gt) ** 2 + (v * z_gt) ** 2 + z_gt**2)
-            d_est = np.sqrt((u * z_est) ** 2 + (v * z_est) ** 2 + z_est**2)
-            seen_gt = d_gt > 0.0 and (d == 0.0 or np.float32(d_gt) - np.float32(d) <= delta)
-            seen_est = d_est > 0.0 and (seen_gt or d == 0.0 or np.float32(d_est) - np.float32(d) <= delta)
+            u, v = (x - cx) / fx, (y - cy) / fy
+            d = _distance(u, v, np.float64(depth[y, x]))
+            d_gt = _distance(u, v, z_gt)
+            d_est = _distance(u, v, z_est)
+            seen_gt = _is_seen(d_gt, d, delta)
+            seen_est = _is_seen(d_est, d, delta) or (seen_gt and d_est > 0.0)
             if seen_gt or seen_est:
                 n_union += 1
             if seen_gt and seen_est:

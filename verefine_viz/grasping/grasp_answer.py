@@ -17,7 +17,8 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.grasping.grasp_check import Obstacles, are_free, obstacles
 from verefine_viz.grasping.grasp_poses import Grasps, grasps_of
-from verefine_viz.grasping.grasp_trial import Body, GraspPath, GraspWorld, Verdict
+from verefine_viz.grasping.grasp_trial import Body, GraspPath, GraspWorld
+from verefine_viz.grasping.grasp_verdict import Verdict
 from verefine_viz.grasping.gripper import PINCH_M
 from verefine_viz.physics.colliders import Collider, collider
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -16,20 +15,10 @@ from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import quat_wxyz, transform
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.grasping.grasp_verdict import Verdict
 from verefine_viz.grasping.gripper import FINGER_M, PALM_FRONT_M, PALM_M, TIP_M
 from verefine_viz.physics.colliders import Collider
 from verefine_viz.physics.world import PLANE_FRICTION, QuietClient, convex_body, pybullet
-
-Verdict = Literal[
-    "success",
-    "slipped",
-    "no contact",
-    "collided with the target",
-    "collided with a neighbour",
-    "collided with the ground",
-    "no collision-free grasp",
-]
-"""How a grasp ends; the last one is never carried out."""
 
 STEP_S = 1 / 240
 SOLVER_ITERATIONS = 60

@@ -17,6 +17,7 @@ from verefine_viz.core.arrays import Float, Mask, finite, frozen
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import apply, as_rigid, rounding_note
+from verefine_viz.core.label_images import labels_fault, labels_in
 from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import CameraEntry, intrinsics_of
@@ -183,6 +184,8 @@ def _mask(given: ArrayLike, where: str, shape: tuple[int, int]) -> Mask:
         raise ShapeError(f"mask of {where} is empty")
     if np.issubdtype(values.dtype, np.floating) and np.ptp(values[mask]) > 0:
         raise ShapeError(f"mask of {where} holds shares, such as {values[mask][0]:.3g}; give it as mask > 0.5")
+    if fault := labels_fault(values):
+        raise ShapeError(f"mask of {where} {fault}; give it as mask == {labels_in(values)[0]}")
     if mask.mean() > WHOLE:
         raise ShapeError(f"mask of {where} covers {mask.mean():.0%} of the image; is it inverted?")
     return mask
@@ -284,8 +287,15 @@ def _check_seen(T_cam_obj: Float, mesh: Mesh, camera: Camera, name: str) -> None
 
 def _check_true(T_cam_obj: Float, mesh: Mesh, covered: Float, name: str) -> None:
     # To the nearest measured point: of the others some may lie on something else.
-    nearest_m = float(np.linalg.norm(covered - apply(T_cam_obj, mesh.vertices_m).mean(axis=0), axis=1).min())
-    if nearest_m > mesh.diameter_m:
+    middle = apply(T_cam_obj, mesh.vertices_m).mean(axis=0)
+    nearest_m = float(np.linalg.norm(covered - middle, axis=1).min())
+    if nearest_m <= mesh.diameter_m:
+        return
+    message = f"{name} is {nearest_m:.2g} m from what its mask covers; "
+    measured_m, away_m = float(np.median(covered[:, 2])), float(middle[2])
+    if np.linalg.norm(away_m / measured_m * np.median(covered, axis=0) - middle) < mesh.diameter_m:
         raise InputError(
-            f"{name} is {nearest_m:.2g} m from what its mask covers; expected T_cam_obj of this object and frame"
+            f"{message}depth_m is {measured_m:.3g} m there, the pose {away_m:.3g} m away: about "
+            f"{away_m / measured_m:.2g} times as much depth would fit, check its unit"
         )
+    raise InputError(f"{message}expected T_cam_obj of this object and frame: is it of another mask, or of another K?")

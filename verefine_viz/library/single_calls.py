@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,9 @@ from verefine_viz.core.scores import ScoreMaps, Scores
 from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.evaluation.results_scores import Evaluation, evaluate_files
 from verefine_viz.library.frame_to_solve import AnyFrame, check_frame, check_sections, target_of
-from verefine_viz.run.toolbox import Toolbox
+
+if TYPE_CHECKING:
+    from verefine_viz.run.toolbox import Toolbox
 
 MOST_STEPS = MOST_HYPOTHESES = 10_000
 """Of a simulation, and of an estimator; as settings have them."""
@@ -41,7 +43,7 @@ def score(frame: AnyFrame, name: str | int, poses: ArrayLike, **sections: Mappin
         SettingsError: a setting is unknown or out of range.
     """
     tools, target = _object(frame, name, sections)
-    return tools.verifier.score(target, _poses(poses))
+    return tools.verifier.score(target, checked_poses(poses))
 
 
 def score_maps(frame: AnyFrame, name: str | int, pose: ArrayLike, **sections: Mapping[str, Any]) -> ScoreMaps | None:
@@ -61,7 +63,7 @@ def score_maps(frame: AnyFrame, name: str | int, pose: ArrayLike, **sections: Ma
         InputError: the frame has no such object, or the pose is none.
         SettingsError: a setting is unknown or out of range.
     """
-    poses = _poses(pose)
+    poses = checked_poses(pose)
     if len(poses) > 1:
         raise ShapeError(f"pose is of {len(poses)} poses, expected one, (4, 4); call score_maps for each")
     tools, target = _object(frame, name, sections)
@@ -87,7 +89,7 @@ def refine(
         InputError: the frame has no such object, or a pose is none.
         SettingsError: there is no such refiner or setting.
     """
-    given, own = _poses(poses), {"refiner": refiner} if checked_text(refiner, "refiner", "its name") else {}
+    given, own = checked_poses(poses), {"refiner": refiner} if checked_text(refiner, "refiner", "its name") else {}
     check_sections(sections)
     tools, target = _object(frame, name, {**sections, "method": {**own, **sections.get("method", {})}})
     refined = np.stack([tools.refiner.refine(target, T) for T in given])
@@ -111,7 +113,7 @@ def settle(frame: AnyFrame, name: str | int, poses: ArrayLike, steps: int = 60, 
     Raises:
         InputError: there is no such object, no support plane, or a pose is none.
     """
-    given, steps = _poses(poses), checked_count(steps, "steps", 1, MOST_STEPS)
+    given, steps = checked_poses(poses), checked_count(steps, "steps", 1, MOST_STEPS)
     tools, target = _object(frame, name, sections)
     support = target.observation.support
     if support is None or tools.simulator is None:
@@ -175,7 +177,7 @@ def _object(frame: AnyFrame, name: str | int, sections: Mapping[str, Any]) -> tu
     return tools, target_of(tools.source.problem(own), name)
 
 
-def _poses(given: ArrayLike) -> Float:
+def checked_poses(given: ArrayLike) -> Float:
     """Poses (N, 4, 4) of one or several; InputError where one is none, or too far away to be in metres."""
     expected = "expected T_cam_obj in metres, (4, 4) or (N, 4, 4) with N ≥ 1"
     try:

@@ -9,19 +9,24 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from msgspec import structs
 
 from verefine_viz.batch.summary import run_end
+from verefine_viz.calibration.consistency import data_doubts
 from verefine_viz.core.arguments import checked_mapping, checked_path, checked_text
+from verefine_viz.core.doubt import texts_of
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import check_no_link
-from verefine_viz.diagnosis.causes import Diagnosis
-from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.diagnosis.diagnose import Diagnosis, diagnose
+from verefine_viz.evaluation.allowed_poses import AllowedPoses
+from verefine_viz.evaluation.allowed_search import allowed_poses
 from verefine_viz.library.frame_to_solve import AnyFrame, Frame, check_frame, target_of
 from verefine_viz.run.record import Answer, RunEnd, RunRecord
 from verefine_viz.run.run_file import SUFFIX, write_record
+from verefine_viz.run.session_parts import weights_of
 from verefine_viz.scenes.trace_files import is_trace
 
 Section = Mapping[str, Any]
@@ -87,9 +92,26 @@ class Run:
         own = target_of(self._run.problem, name).instance.instance_id
         return next(answer for answer in self.answers if answer.instance_id == own)
 
+    def allowed(self, name: str | int) -> AllowedPoses:
+        """The poses that the image allows beside the answer about an object: intervals of shifts and turns
+        (``extents``), poses elsewhere that fit as well (``alike``); finishes the run.
+
+        Args:
+            name: as in ``run[name]``.
+
+        Raises:
+            InputError: the frame has no such object, or several, or it has no answer.
+        """
+        target = target_of(self._run.problem, name)
+        T_cam_obj = self[name].T_cam_obj
+        if T_cam_obj is None:
+            raise InputError(f"{target.model.name} has no answer; expected an object that was solved")
+        return allowed_poses(self._run.final_verifier, target, np.array(T_cam_obj), (), self._run.iterations)
+
     def to_frame(self) -> dict[str, list[Any]]:
         """The answers as columns by name, as ``pandas.DataFrame(run.to_frame())`` takes them."""
-        return {name: [getattr(one, name) for one in self.answers] for name in Answer.__struct_fields__}
+        names = (*Answer.__struct_fields__, "cause", "evidence")
+        return {name: [getattr(one, name) for one in self.answers] for name in names}
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -99,11 +121,13 @@ class Run:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Doubts about the frame's data: what does not fit together, and what would; finishes the run."""
-        return self._end.doubts
+        return (
+            texts_of(data_doubts(self._run.problem)) or self._end.doubts
+        )  # Those of the camera as well, as on the page.
 
     def record(self) -> RunRecord:
         """The run so far, as it is written to a file."""
-        record = self._run.record(self.session)
+        record = self._run.record(self.session, weights_of(self.session))
         return structs.replace(record, end=self._end) if self._run.is_done else record
 
     def save(self, path: Path | str) -> Path:
@@ -134,7 +158,7 @@ class Run:
             self.frame.save(folder)
             scene = structs.replace(session.scene, dataset=str(folder.resolve()))
             session = structs.replace(session, scene=scene)
-            record = structs.replace(record, header=self._run.record(session).header)
+            record = structs.replace(record, header=self._run.record(session, weights_of(session)).header)
         write_record(path, record)
         return path
 

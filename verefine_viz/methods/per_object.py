@@ -146,7 +146,7 @@ class PerObject:
 
 @dataclass(frozen=True)
 class VfBreadth(PerObject):
-    """VF_b, verification over the scene, breadth first (paper Sec. IV-B): RIR per object in dependency order.
+    """VF_b, VeREFINE breadth (paper Sec. IV-B): RIR per object in dependency order.
 
     What was solved before stands in the simulation, lets the refiner leave out the points it explains, and may hide
     parts of what comes after.

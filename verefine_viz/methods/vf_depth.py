@@ -1,4 +1,4 @@
-"""VF_d: verification over the scene, depth first (paper Sec. IV-C).
+"""VF_d, VeREFINE depth (paper Sec. IV-C): a whole scene is refined pass by pass.
 
 In each pass every object of a cluster, in dependency order, spends one iteration on one of its hypotheses, among what
 the pass has placed so far. The poses of the pass are then rendered together, and their score as a scene rewards the

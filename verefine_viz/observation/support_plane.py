@@ -18,12 +18,10 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import NoSupportError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.kernels import kernel
-from verefine_viz.core.observation import GravitySource, Support
+from verefine_viz.core.observation import ON_PLANE_M, GravitySource, Support
 
 Gravity = Literal["plane", "world"] | tuple[float, float, float]
 
-TOLERANCE_M = 0.010
-"""Distance to the plane that counts as lying on it [m]: a depth sensor's error on a table at 1 m."""
 MAX_PLANES = 4
 """Planes tried: table, wall, shelf, box."""
 RANSAC_POINTS = 4000
@@ -141,13 +139,13 @@ def find_support(
     background = points.reshape(-1, 3).take(np.flatnonzero(valid & ~object_mask), axis=0)
     near = _near(background, objects)
     plane = _carrying_plane(near, objects, up_cam, seed)
-    plane = fitted(plane, near, TOLERANCE_M)
-    inliers = near.take(np.flatnonzero(plane.touches(near, TOLERANCE_M)), axis=0)
+    plane = fitted(plane, near, ON_PLANE_M)
+    inliers = near.take(np.flatnonzero(plane.touches(near, ON_PLANE_M)), axis=0)
     R_world_cam_used = _world_rotation(plane.normal, gravity, R_world_cam, up_cam)
     origin_cam = inliers.mean(axis=0)
     origin_cam = origin_cam - plane.heights(origin_cam) * plane.normal
     source: GravitySource = gravity if gravity in ("plane", "world") else "given"
-    share = float(plane.touches(background, TOLERANCE_M).mean())
+    share = float(plane.touches(background, ON_PLANE_M).mean())
     rms_m = float(np.sqrt(np.mean(plane.heights(inliers) ** 2)))
     T_world_cam = transform(R_world_cam_used, -R_world_cam_used @ origin_cam)
     normal_world = R_world_cam_used @ plane.normal
@@ -201,7 +199,7 @@ def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int
         o3d.utility.random.seed(int(rng.integers(2**31)))
         cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(sample))
         # probability 1 runs every trial: an early stop would depend on how threads happen to interleave.
-        coefficients, inlier_idx = cloud.segment_plane(TOLERANCE_M, 3, RANSAC_TRIALS, 1.0)
+        coefficients, inlier_idx = cloud.segment_plane(ON_PLANE_M, 3, RANSAC_TRIALS, 1.0)
         plane = Plane.towards_camera(np.array(coefficients[:3]), float(coefficients[3]))
         share = len(inlier_idx) / n_sample
         largest_share = max(largest_share, share)
@@ -236,10 +234,10 @@ def _carries(plane: Plane, objects: Float) -> float:
     if len(objects) == 0:
         return 1.0
     heights = plane.heights(objects)
-    above = float(np.mean(heights > -TOLERANCE_M))
+    above = float(np.mean(heights > -ON_PLANE_M))
     if above < 0.8:
         return 0.0
-    gap_m = max(0.0, float(np.quantile(heights, 0.02)) - 2 * TOLERANCE_M)
+    gap_m = max(0.0, float(np.quantile(heights, 0.02)) - 2 * ON_PLANE_M)
     return above * float(np.exp(-gap_m / 0.02))
 
 

@@ -135,12 +135,21 @@ class Guard:
         await send({"type": f"{kind}.body", "body": words.encode()})
 
 
-_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
-    "frame-src 'self'; base-uri 'none'; form-action 'none'; "
-    # A notebook on this machine shows the page within itself.
-    "frame-ancestors 'self' http://localhost:* http://127.0.0.1:*"
-)
+def policy(*scripts: str) -> str:
+    """Return the Content-Security-Policy of an answer: it loads files of this server only.
+
+    Args:
+        scripts: hashes, in quotes, of scripts inside the document.
+    """
+    allowed = " ".join(["'self'", *scripts])
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'self'; "
+        "img-src 'self' data: blob:; connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
+        # A notebook on this machine shows the page within itself.
+        "frame-ancestors 'self' http://localhost:* http://127.0.0.1:*"
+    )
+
+
 _HEADERS = (
     (b"x-content-type-options", b"nosniff"),
     (b"referrer-policy", b"no-referrer"),
@@ -155,7 +164,7 @@ def _with_headers(send: Send) -> Send:
         if message["type"] == "http.response.start":
             given = list(message.get("headers", []))
             if not any(name.lower() == b"content-security-policy" for name, _ in given):
-                given.append((b"content-security-policy", _POLICY.encode()))
+                given.append((b"content-security-policy", policy().encode()))
             message = {**message, "headers": [*given, *_HEADERS]}
         await send(message)
 

@@ -9,30 +9,36 @@ import time
 import webbrowser
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from verefine_viz.core.errors import Cancelled, SettingsError, one_line, unknown
 from verefine_viz.core.files import first_line
-from verefine_viz.core.observation import Observation
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import say
-from verefine_viz.methods.registry import METHODS
+from verefine_viz.methods.known_methods import METHODS
 from verefine_viz.page import proxy
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.export import Exporter
-from verefine_viz.page.gallery import Gallery, open_gallery
+from verefine_viz.page.frame_pictures import FrameOfSession, FramePainter
+from verefine_viz.page.gallery import Gallery, GalleryEntry, open_gallery
 from verefine_viz.page.live_gallery import LiveGallery
-from verefine_viz.page.moment import moment_of
-from verefine_viz.page.protocol import AnyVerb
+from verefine_viz.page.messages import EditedMessage, PickedMessage
+from verefine_viz.page.model_pictures import ModelOfFolder, ModelPainter
+from verefine_viz.page.protocol import AnyVerb, pose_matrix
 from verefine_viz.page.scene3d.scene import Scene3D
 from verefine_viz.page.scene3d.viser_server import Viser3DServer
 from verefine_viz.page.server import PageServer
 from verefine_viz.page.thumbnails import Painter, Thumbnails
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.frame import png
+from verefine_viz.page.web_files import demo_picture
 from verefine_viz.page.worker import Job, Jobs, Worker
 from verefine_viz.page.workspace import HULLS, Checks, Workspace, no_records
 from verefine_viz.physics.registry import simulator_names
@@ -87,7 +93,9 @@ class App:
         self._make_tools, self._gallery, self._first = make_tools, gallery, first
         self._folder = folder if folder is not None else Path("sessions")
         self.blobs, self.jobs = Blobs(), Jobs()
-        self._thumbnails: Thumbnails | None = None
+        self._thumbnails: Thumbnails[GalleryEntry] | None = None
+        self._frame_pictures = Thumbnails(FramePainter())
+        self._model_pictures = Thumbnails(ModelPainter())
         self._watching: threading.Thread | None = None
         self.server = PageServer(
             host,
@@ -96,6 +104,8 @@ class App:
             self._receive,
             self.blobs,
             self._thumbnail,
+            self._frame_picture,
+            self._model_picture,
             lambda name: self._write.file(name),
             self._closed,
         )
@@ -152,10 +162,15 @@ class App:
                 thread.join(timeout=20)
         if self._watch is not None:
             self._watch.close()
+        if self.worker.ready.is_set() and self.worker.failure is None:
+            self.debugger.space.close()
+        self._frame_pictures.stop()
+        self._model_pictures.stop()
         if self._thumbnails is not None:
             self._thumbnails.stop()
         self.server.stop()
         self.viser.stop()
+        self._write.close()
 
     def _from_scene(self, what: str, *given: Any) -> None:
         """Tell the window that the 3D view follows what was done in it. Called on viser's threads."""
@@ -164,12 +179,10 @@ class App:
         window = self.debugger.look_window
         if what == "edited":
             obj, T = given
-            self.server.post({"t": "edited", "obj": obj, "T": T}, window)
-        elif what == "picked":
+            self.server.post(EditedMessage(obj, T), window)
+        else:
             u, v = given
-            self.server.post({"t": "picked", "u": u, "v": v}, window)
-        elif self.debugger.look is not None and window is not None:
-            self.jobs.put(Job(window, self.debugger.look))
+            self.server.post(PickedMessage(u, v), window)
 
     def _draw(self, debugger: Debugger) -> None:
         """Draw what the window used last looks at."""
@@ -177,11 +190,10 @@ class App:
         if look is None or look.branch not in space.branches:
             return
         grasp = None
-        if look.grasp is not None:
-            moment = moment_of(space.branch(look.branch), look)
-            T = moment.poses.get("edited", moment.poses.get("best"))
-            settings = moment.branch.settings.grasp
-            grasp = space.grasps.known(moment.problem, settings, moment.target.instance.instance_id, T)
+        if look.grasp is not None and look.obj is not None:
+            branch = space.branch(look.branch)
+            problem, settings = branch.run.problem, branch.settings.grasp
+            grasp = space.grasps.known(problem, settings, look.obj, pose_matrix(look.grasp.T))
         self.scene.show(space, look, grasp)
 
     def _receive(self, window: int, verb: AnyVerb | None) -> None:
@@ -192,14 +204,32 @@ class App:
 
     def _thumbnail(self, number: int) -> Future[bytes] | None:
         """Begin to make the picture of an answer; None = there is no such answer."""
-        if self._thumbnails is None:
+        gallery = self.debugger.gallery
+        if self._thumbnails is None or gallery is None or number >= len(gallery.entries):
             return None
-        entries = open_gallery(self.debugger.gallery).entries
-        return self._thumbnails.ask(entries[number]) if number < len(entries) else None
+        return self._thumbnails.ask(gallery.entries[number])
+
+    def _frame_picture(self, number: int) -> Future[bytes] | None:
+        """Begin to make the picture of a frame of the session; None = there is no such frame."""
+        if not isinstance(self.worker.handler, Debugger):
+            return None
+        space = self.debugger.space
+        session, frames = space.tools.session, space.frames
+        one = FrameOfSession(session.scene, frames[number], session) if number < len(frames) else None
+        return one and self._frame_pictures.ask(one)
+
+    def _model_picture(self, number: int) -> Future[bytes] | None:
+        """Begin to make the picture of a model; None = there is no such model."""
+        if not isinstance(self.worker.handler, Debugger) or not self.worker.handler.space.is_labelling:
+            return None
+        space = self.debugger.space
+        known = number in space.desk.models.ids
+        return self._model_pictures.ask(ModelOfFolder(space.tools.session.scene, number)) if known else None
 
     def _open(self, progress: ProgressToken) -> Debugger:
         """Open the session with the real simulator, renderer and refiners, imported late as they are heavy."""
         make_tools, checks, demos = self._make_tools, Checks(), ()
+        progress = replace(progress, seen=self._show_photo)
         if make_tools is None:
             progress.checkpoint("Loading the simulator, the renderer and the refiner.")
             from verefine_viz.physics.plausibility import plausibility
@@ -217,9 +247,11 @@ class App:
             space = self._open_watched(self._watch, make_tools, checks, progress)
         else:
             gallery, recording, records = self._gallery, self._recording, no_records
+            if gallery is None and recording is None:
+                self._show_demo(self._session)
             if gallery is not None:
                 recording, records = gallery.loose_record(gallery.worst), gallery.records(gallery.worst.run)
-            given = {"records": records, "recording": recording, "seen": self._show_photo}
+            given = {"records": records, "recording": recording}
             space = self._open_space(self._session, self._path, make_tools, checks, progress, **given)
         debugger = Debugger(
             space,
@@ -232,8 +264,7 @@ class App:
             progress,
         )
         debugger.on_look = partial(self._draw, debugger)
-        if debugger.gallery is not None:
-            self._thumbnails = Thumbnails(Painter(lambda: open_gallery(debugger.gallery)))
+        self._thumbnails = Thumbnails(Painter(lambda: open_gallery(debugger.gallery)))
         if self._watch is not None:
             changed = partial(self.jobs.put, Job(0, debugger.refresh_gallery))
             self._watching = threading.Thread(
@@ -242,10 +273,16 @@ class App:
             self._watching.start()
         return debugger.carry_out(self._first)
 
-    def _show_photo(self, observation: Observation) -> None:
+    def _show_demo(self, session: Session) -> None:
+        """Show the picture of a built-in scene at once: to take its photo its objects have to fall into place."""
+        file = demo_picture(session.scene.demo)
+        if session.scene.source == "demo" and file.is_file():
+            self.worker.picture = self.blobs.put(file.read_bytes(), "image/webp")
+
+    def _show_photo(self, rgb: NDArray[np.uint8] | None) -> None:
         """Show the photo of the first frame while its models are prepared, and kernels compiled."""
-        if observation.rgb is not None and not self.worker.ready.is_set():
-            self.worker.picture = self.blobs.put(png(observation.rgb), "image/png")
+        if rgb is not None and not self.worker.ready.is_set():
+            self.worker.picture = self.blobs.put(png(rgb), "image/png")
 
     def _open_space(
         self, session: Session, path: Path | None, make_tools: Callable[[Session], Toolbox], *given: Any, **named: Any

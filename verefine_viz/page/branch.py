@@ -9,29 +9,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.doubt import Doubt
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Target
 from verefine_viz.core.protocols import Refiner
+from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Change, Session
 from verefine_viz.diagnosis.lost_poses import Discarded, discarded
-from verefine_viz.evaluation.matched_estimates import CORRECT
-from verefine_viz.methods.registry import method_of
-from verefine_viz.page.evaluator import CachedEvaluator
+from verefine_viz.diagnosis.measured_heights import MeasuredHeights, measured_heights
+from verefine_viz.methods.known_methods import method_of
+from verefine_viz.page.data_check import DataCheck
 from verefine_viz.page.marks import RED, Mark, listed_marks, marks_of
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import changed
+from verefine_viz.run.variants import sorted_changes
 
 if TYPE_CHECKING:
+    from verefine_viz.page.evaluator import CachedEvaluator
     from verefine_viz.run.toolbox import Toolbox
 
 Settings = Mapping[str, Any]
 """Changed settings by dotted name, as verbs have them."""
 BySection = dict[str, dict[str, Any]]
 """Changed settings by section, as session files have them."""
-
-
-def sorted_changes(changes: Sequence[Change]) -> list[Change]:
-    """Sort changes, the earliest first."""
-    return sorted(changes, key=lambda change: change.after_iteration)
 
 
 def group_by_section(settings: Settings) -> BySection:
@@ -61,6 +61,8 @@ class Branch:
     name: str
     run: Run
     tools: Toolbox
+    data: DataCheck
+    """What of the frame's data is in doubt."""
     start: Session
     """The settings it began with."""
     changes: tuple[Change, ...]
@@ -77,13 +79,18 @@ class Branch:
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
     _discarded: dict[int, dict[int, Discarded]] = field(default_factory=dict)
     """By the number of iterations made."""
-    _doubts: dict[bool, tuple[str, ...]] = field(default_factory=dict)
+    _doubts: dict[bool, tuple[Doubt, ...]] = field(default_factory=dict)
     """By whether the run was over."""
 
     @cached_property
     def settings(self) -> Session:
         """The settings that it ends up with: a session that was read may change them on the way."""
         return changed(self.tools.session, merged([c.settings for c in sorted_changes(self.changes)]))
+
+    @cached_property
+    def final_tools(self) -> Toolbox:
+        """The tools with the settings that it ends up with."""
+        return self.tools.changed(merged([c.settings for c in sorted_changes(self.changes)]))
 
     def refiner_of(self, index: int) -> Refiner | None:
         """Return what refined in iteration ``index``: a recording has what came out of it, so it is made again.
@@ -96,6 +103,16 @@ class Branch:
     def evaluator_of(self, k: int) -> CachedEvaluator:
         """Return what evaluates by the settings of iteration ``k``; of the first where ``k`` is 0."""
         return next(evaluator for after, evaluator in reversed(self.evaluators) if after < max(k, 1))
+
+    def iteration(self, k: int) -> Iteration:
+        """Return iteration ``k``.
+
+        Raises:
+            InputError: it was not made.
+        """
+        if not 1 <= k <= self.run.length:
+            raise InputError(f"iteration {k} was not made; the run has {self.run.length}")
+        return self.run.iterations[k - 1]
 
     @property
     def final_evaluator(self) -> CachedEvaluator:
@@ -140,13 +157,17 @@ class Branch:
 
     def _is_correct(self, target: Target, T_cam_obj: Float) -> bool:
         errors = self.final_evaluator.errors(target, T_cam_obj)
-        return errors is not None and errors.relative < CORRECT
+        return errors is not None and errors.is_correct
 
-    def doubts(self) -> tuple[str, ...]:
-        """Return what of the data does not fit together: by ground truth, else by initial poses and then answers."""
+    def measured_heights(self) -> MeasuredHeights | None:
+        """What depth measures of the heights of objects, as the answers show; None before, or where nothing is odd."""
+        return measured_heights(self.run.problem, self.run.final_state.best) if self.is_over else None
+
+    def doubts(self) -> tuple[Doubt, ...]:
+        """What of the data does not fit together: as it shows without a run, else by the answers."""
         problem, run = self.run.problem, self.run
-        if problem.doubts:
-            return problem.doubts
+        if of_frame := self.data.doubts():
+            return of_frame
         if run.is_done not in self._doubts:
             from verefine_viz.diagnosis.data_doubts import answer_doubts  # Loads what draws models.
 

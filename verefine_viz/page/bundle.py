@@ -13,10 +13,12 @@ from typing import Any
 
 from PIL import Image
 
+from verefine_viz.page.answers_to_wants import AnyAnswer
 from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.messages import AnyMessage
 from verefine_viz.page.protocol import encoded
+from verefine_viz.page.web_files import IMPORT_MAP, WEB, libraries
 
-WEB = Path(__file__).parent / "web"
 CSP = (
     "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; style-src 'unsafe-inline'; "
     "img-src data: blob:; font-src data:; connect-src data: blob:; worker-src data: blob:; frame-src blob:"
@@ -24,9 +26,11 @@ CSP = (
 """Everything is in the file: nothing may be loaded from elsewhere."""
 _IMPORTED = re.compile(r"""(\bfrom\s+|\bimport\s+|\bimport\()"(\.{1,2}/[^"]+)\"""")
 _STYLE = re.compile(r'<link rel="stylesheet" href="/web/([^"]+)">')
+_FIRST_SCRIPT = re.compile(r'<script src="/web/([^"]+)"></script>')
 _SCRIPT = re.compile(r'<script type="module" src="/web/([^"]+)"></script>')
 
-Json = dict[str, Any]
+AskedFor = tuple[dict[str, Any], AnyAnswer]
+"""A want, as a browser sends it, and what answers it."""
 
 
 class InlinedBlobs(Blobs):
@@ -53,8 +57,8 @@ class InlinedBlobs(Blobs):
 
 
 def bundle(
-    messages: Iterable[Json],
-    answers: Iterable[tuple[Json, Json]] = (),
+    messages: Iterable[AnyMessage],
+    answers: Iterable[AskedFor] = (),
     elements: Iterable[str] = (),
     title: str = "verefine-viz",
 ) -> str:
@@ -68,12 +72,14 @@ def bundle(
     """
     page = (WEB / "index.html").read_text("utf-8")
     page = _STYLE.sub(lambda m: f"<style>{(WEB / m[1]).read_text('utf-8')}</style>", page)
+    page = _FIRST_SCRIPT.sub(lambda m: f"<script>{(WEB / m[1]).read_text('utf-8')}</script>", page)
     page = re.sub(r"<title>.*?</title>", lambda m: f"<title>{_escaped(title)}</title>", page)
     policy = f'<meta http-equiv="Content-Security-Policy" content="{CSP}">'
     page = page.replace('<meta charset="utf-8">', f'<meta charset="utf-8">\n    {policy}', 1)
-    imports = {_name(path): _address(path) for path in sorted(WEB.rglob("*.js"))}
-    script = f'<script type="importmap">{json.dumps({"imports": imports})}</script>\n    '
-    page = _SCRIPT.sub(lambda m: f'{script}<script type="module">import "web/{m[1]}";</script>', page)
+    own = {_name(path): path for path in sorted(WEB.rglob("*.js")) if path.parent.name != "vendor"}
+    imports = {name: _address(path) for name, path in {**libraries(), **own}.items()}
+    page = IMPORT_MAP.sub(lambda m: f'<script type="importmap">{json.dumps({"imports": imports})}</script>', page)
+    page = _SCRIPT.sub(lambda m: f'<script type="module">import "web/{m[1]}";</script>', page)
     parts = "\n".join((*elements, part("page", messages, answers)))
     return page.replace("</body>", f"{parts}\n</body>")
 
@@ -83,7 +89,7 @@ def element(name: str, media_type: str, text: str) -> str:
     return f'<script type="{media_type}" id="{_escaped(name)}">{text}</script>'
 
 
-def part(name: str, messages: Iterable[Json], answers: Iterable[tuple[Json, Json]]) -> str:
+def part(name: str, messages: Iterable[AnyMessage], answers: Iterable[AskedFor]) -> str:
     """Return what a server would send, and wants with what answers them, as a part of the document."""
     content = {"messages": list(messages), "answers": list(answers)}
     return element(name, "text/plain", compressed(encoded(content)))
@@ -122,3 +128,8 @@ def _address(path: Path) -> str:
 
 def _escaped(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+
+
+def command_path(path: Path) -> str:
+    """Return a path as a command has it; of one that names places on this machine the last part."""
+    return path.name if path.is_absolute() else str(path)

@@ -6,10 +6,11 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeVar
-from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
+from verefine_viz.core.accuracy import CORRECT, PoseErrors
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
@@ -18,13 +19,16 @@ from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.refiner_steps import LearnedRefiner, RefinerStep
 from verefine_viz.core.scores import PoseScore, ScoreMaps
-from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.ambiguity import OtherPose, other_pose, run_poses
-from verefine_viz.diagnosis.symmetry import UndeclaredTurn, undeclared_turn
-from verefine_viz.evaluation.landscape import Landscape, Slice, landscape, score_slice
-from verefine_viz.evaluation.matched_estimates import CORRECT
+from verefine_viz.diagnosis.symmetry import undeclared_turn
+from verefine_viz.diagnosis.undeclared_turn import UndeclaredTurn
+from verefine_viz.evaluation.allowed_poses import AllowedPoses
+from verefine_viz.evaluation.allowed_search import allowed_poses
+from verefine_viz.evaluation.landscape import landscape, score_slice
 from verefine_viz.evaluation.near_symmetry import NearSymmetry, flips, near_symmetries
-from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
+from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, pose_errors
+from verefine_viz.evaluation.pose_landscape import Landscape, Slice
+from verefine_viz.evaluation.seen_error import nearest_allowed
+from verefine_viz.rendering.colour import rgb_of, smoothed
 
 if TYPE_CHECKING:
     from verefine_viz.run.toolbox import Toolbox
@@ -34,8 +38,6 @@ Key = tuple[Any, ...]
 """What was asked: its kind first."""
 _CACHED_MAPS = 12
 _CACHED_NUMBERS = 20_000
-_near_symmetries: WeakKeyDictionary[ObjectModel, tuple[NearSymmetry, ...]] = WeakKeyDictionary()
-"""Near-symmetries of the models of all frames, which share them."""
 NEAR_M = 0.01
 """Objects further apart than this have nothing to do with each other [m]."""
 
@@ -73,7 +75,7 @@ class CachedEvaluator:
     def maps(self, target: Target, T_cam_obj: Float) -> ScoreMaps | None:
         """The score of one pose pixel by pixel; None where it is not made of pixels."""
         key = _key("maps", target, T_cam_obj)
-        return self._remember(key, lambda: self._toolbox.verifier.maps(target, T_cam_obj))
+        return self._remember(key, lambda: self._toolbox.picture_verifier.maps(target, T_cam_obj))
 
     def refiner_steps(self, refiner: LearnedRefiner, target: Target, T_cam_obj: Float) -> Sequence[RefinerStep]:
         """What a learned refiner saw and answered when it was called at a pose."""
@@ -89,7 +91,7 @@ class CachedEvaluator:
 
     def scene_maps(self, targets: Sequence[Target], Ts_cam_obj: Float) -> ScoreMaps | None:
         """The score of one combination of poses (m, 4, 4) as a scene, pixel by pixel; None as :meth:`maps`."""
-        verifier = self._toolbox.verifier
+        verifier = self._toolbox.picture_verifier
         key = ("scene maps", tuple(t.instance.instance_id for t in targets), Ts_cam_obj.tobytes())
         return self._remember(key, lambda: verifier.scene_maps(targets, Ts_cam_obj))
 
@@ -101,6 +103,14 @@ class CachedEvaluator:
         key = _key("errors", target, T_cam_obj)
         return self._remember(key, lambda: pose_errors(target.model, T_cam_obj, T_gt))
 
+    def add_s_mm(self, model: ObjectModel, T_one: Float, T_other: Float) -> float:
+        """ADD(-S) between two poses of a model [mm]."""
+        return add_s_mm(model, T_one, T_other)
+
+    def add_over_symmetries(self, target: Target, T_cam_obj: Float) -> float | None:
+        """ADD as a share of the diameter where a pose is correct by ADD-S only; None where both agree."""
+        return add_where_add_s_is_below(target, T_cam_obj, CORRECT)
+
     def undeclared_turn(self, target: Target, T_cam_obj: Float) -> UndeclaredTurn | None:
         """The turn, which the model does not declare, that makes a pose count as wrong; None where that is not why."""
         T_gt = target.instance.T_cam_obj_gt
@@ -109,40 +119,50 @@ class CachedEvaluator:
         key = _key("undeclared turn", target, T_cam_obj)
         return self._remember(key, lambda: undeclared_turn(target.model, T_cam_obj, T_gt, CORRECT))
 
-    def landscape(self, target: Target, T_cam_obj: Float) -> Landscape:
-        """The score around a pose."""
-        key = _key("landscape", target, T_cam_obj)
-        return self._remember(key, lambda: landscape(self.verifier, target, T_cam_obj))
+    def allowed(self, target: Target, T_cam_obj: Float, iterations: Sequence[Iteration]) -> AllowedPoses:
+        """What the image allows beside a pose; the poses of a run are looked at too."""
+        key = (*_key("allowed", target, T_cam_obj), len(iterations))
+        return self._remember(key, lambda: allowed_poses(self.verifier, target, T_cam_obj, (), iterations))
 
-    def known_landscape(self, target: Target, T_cam_obj: Float) -> Landscape | None:
-        """What :meth:`landscape` returned if it was called before, else None."""
-        return self._numbers.get(_key("landscape", target, T_cam_obj))
+    def known_allowed(self, target: Target, T_cam_obj: Float, iterations: Sequence[Iteration]) -> AllowedPoses | None:
+        """What :meth:`allowed` returned if it was called before, else None."""
+        return self._numbers.get((*_key("allowed", target, T_cam_obj), len(iterations)))
 
-    def score_slice(self, target: Target, T_cam_obj: Float, axes: tuple[int, int]) -> Slice:
-        """The score over two axes of a pose's landscape."""
-        around = self.landscape(target, T_cam_obj)
-        key = (*_key("slice", target, T_cam_obj), axes)
-        return self._remember(key, lambda: score_slice(self.verifier, target, around, *axes))
-
-    def other_pose(self, target: Target, T_cam_obj: Float, iterations: Sequence[Iteration]) -> OtherPose | None:
-        """A pose of a run, or of the landscape, that the observation cannot tell from an answer; None = none is."""
-        around = self.landscape(target, T_cam_obj)
-        key = (*_key("other pose", target, T_cam_obj), len(iterations))
-        poses = [*run_poses(target, iterations), *(T_cam_obj @ flips(self.near_symmetries(target.model)))]
-        return self._remember(key, lambda: other_pose(self.verifier, target, around, poses))
-
-    def known_other_pose(
+    def seen_error(
         self, target: Target, T_cam_obj: Float, iterations: Sequence[Iteration]
-    ) -> tuple[bool, OtherPose | None]:
-        """Whether :meth:`other_pose` was called before, and its result."""
-        key = (*_key("other pose", target, T_cam_obj), len(iterations))
-        return key in self._numbers, self._numbers.get(key)
+    ) -> tuple[AllowedPoses, float] | None:
+        """What the image allows beside ground truth, and how far a pose is from there [mm]; None before
+        :meth:`allowed` was called at ground truth.
+        """
+        T_gt = target.instance.T_cam_obj_gt
+        of_gt = None if T_gt is None else self.known_allowed(target, T_gt, iterations)
+        return of_gt and (of_gt, nearest_allowed(of_gt, target.model, T_cam_obj)[1])
+
+    def landscape(self, target: Target, T_cam_obj: Float, iterations: Sequence[Iteration]) -> Landscape:
+        """The score around a pose."""
+        allowed = self.allowed(target, T_cam_obj, iterations)
+        key = _key("landscape", target, T_cam_obj)
+        return self._remember(key, lambda: landscape(self.verifier, target, allowed))
+
+    def score_slice(
+        self, target: Target, T_cam_obj: Float, axes: tuple[int, int], iterations: Sequence[Iteration]
+    ) -> Slice:
+        """The score over two axes of a pose's landscape."""
+        allowed = self.allowed(target, T_cam_obj, iterations)
+        key = (*_key("slice", target, T_cam_obj), axes)
+        return self._remember(key, lambda: score_slice(self.verifier, target, allowed, *axes))
 
     def near_symmetries(self, model: ObjectModel) -> tuple[NearSymmetry, ...]:
         """The turns after which a model's shape nearly looks the same; a second's work where they are not cached."""
-        if model not in _near_symmetries:
-            _near_symmetries[model] = near_symmetries(model)
-        return _near_symmetries[model]
+        return near_symmetries(model)
+
+    def flips(self, model: ObjectModel) -> Float:
+        """(n, 4, 4) the turns that stand for :meth:`near_symmetries`."""
+        return flips(near_symmetries(model))
+
+    def scored_colours(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """A colour image (H, W, 3) as the score sees it."""
+        return rgb_of(smoothed(rgb))
 
     def plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
         """Gap, penetration, support polygon and stability among ``others``; None where no support is known."""
@@ -182,11 +202,6 @@ class CachedEvaluator:
             while len(cache) > size:
                 cache.popitem(last=False)
         return cache[key]
-
-
-def together(evaluator: CachedEvaluator, targets: Sequence[Target], Ts_cam_obj: Float, session: Session) -> PoseScore:
-    """The score of several objects (m, 4, 4) rendered together, by the rule of the session."""
-    return evaluator.scene_score(targets, Ts_cam_obj, session.method.scene_pixels == "frame")
 
 
 def are_near(one: Placed, other: Placed) -> bool:

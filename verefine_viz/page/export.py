@@ -1,4 +1,4 @@
-"""Writes sessions to the folder of sessions, exports to ``runs/exports`` in it, and nothing elsewhere."""
+"""Writes sessions to the folder of sessions and exports to ``runs/exports`` in it; a shared page is for the browser."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
 
 from msgspec import structs
 from PIL import Image
@@ -20,6 +20,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.maps_sheet import maps_sheet
+from verefine_viz.page.messages import WrittenMessage
 from verefine_viz.page.page_state import PageState
 from verefine_viz.page.protocol import AnyVerb, Save, UnconfirmedError, write_verb
 from verefine_viz.page.saved_session import Saved, savable
@@ -27,9 +28,10 @@ from verefine_viz.page.share import shared, write_shared
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.run_file import SUFFIX, RunFile
 from verefine_viz.run.session_file import load_session, save_session
+from verefine_viz.run.session_parts import weights_of
 
 _NAME = re.compile(r"[\w][\w .-]{0,79}")
-ENDINGS = {"recording": ".rrd", "share": ".html", "results": ".csv", "maps": "_maps.png", "verbs": "_verbs.jsonl"}
+ENDINGS = {"recording": ".rrd", "results": ".csv", "maps": "_maps.png", "verbs": "_verbs.jsonl"}
 
 
 class Exporter:
@@ -49,8 +51,10 @@ class Exporter:
     ) -> None:
         self._folder, self._progress, self._scene_page = folder, progress, scene_page
         self._written: dict[str, Path] = {}
+        self._shared: TemporaryDirectory[str] | None = None
+        """Folder of the page that was shared last, which the browser downloads."""
 
-    def __call__(self, d: PageState, verb: Save) -> dict[str, Any]:
+    def __call__(self, d: PageState, verb: Save) -> WrittenMessage:
         """Write a file and return message ``written``.
 
         Raises:
@@ -60,11 +64,19 @@ class Exporter:
         note = ""
         if verb.what == "session":
             path, note = self._session(d.space, verb)
+        elif verb.what == "share":
+            path = self._share(d, verb)
         else:
             path = self._export(d, verb)
         path = path.resolve()
         self._written[path.name] = path
-        return {"name": path.name, "path": str(path), "url": f"/file/{path.name}", "note": note}
+        stays = str(path) if verb.what != "share" else None
+        return WrittenMessage(path.name, stays, f"/file/{path.name}", note)
+
+    def close(self) -> None:
+        """Remove what was only there to be downloaded."""
+        if self._shared is not None:
+            self._shared.cleanup()
 
     def file(self, name: str) -> Path | None:
         """Return the file of a name that was written last. Callable from any thread."""
@@ -81,6 +93,15 @@ class Exporter:
         space.files[path.resolve()] = Saved(session, branch)
         return path, note
 
+    def _share(self, d: PageState, verb: Save) -> Path:
+        """Write the page as a file that lies there until another one is shared, or the program ends."""
+        self.close()
+        self._shared = TemporaryDirectory(prefix="verefine-viz-")
+        name = checked_name(verb.name.removesuffix(".html")) if verb.name else stem_of(d.space.branch(verb.branch))
+        path = Path(self._shared.name) / f"{name}.html"
+        write_shared(shared(d, view_command(d.space), progress=self._progress), self._scene_page(), path)
+        return path
+
     def _export(self, d: PageState, verb: Save) -> Path:
         branch = d.space.work.first if verb.what == "verbs" else d.space.branch(verb.branch)
         is_run_file = verb.what == "recording" and verb.name.endswith(SUFFIX)
@@ -94,12 +115,10 @@ class Exporter:
             write_answers(branch, path)
         elif verb.what == "maps":
             with atomic(path) as part:
-                Image.fromarray(maps_sheet(branch, verb.k, verb.obj)).save(part, format="PNG")
-        elif verb.what == "verbs":
+                Image.fromarray(maps_sheet(branch, verb)).save(part, format="PNG")
+        else:
             with atomic(path) as part:
                 part.write_text("".join(f"{write_verb(one)}\n" for one in logged(d)), encoding="utf-8")
-        else:
-            write_shared(shared(d, view_command(d.space), progress=self._progress), self._scene_page(), path)
         return path
 
     def _record(self, space: Workspace, branch: Branch, path: Path) -> None:
@@ -112,7 +131,8 @@ class Exporter:
         run, session, settings = branch.run, space.session_of(branch), branch.settings.grasp
         poses = [best and best.T_cam_obj for best in run.final_state.best]
         grasps = answer_grasps(run.problem, poses, settings) if settings.answers else None
-        file = RunFile(path.with_suffix(SUFFIX), session)
+        weights = weights_of(session)
+        file = RunFile(path.with_suffix(SUFFIX), session, weights)
         recorder = None
         if path.suffix != SUFFIX:
             recorder = Recorder(
@@ -123,6 +143,7 @@ class Exporter:
                 block=1,
                 refiner_of=lambda k: run.method_of(k).refiner,
                 grasps_of=lambda state: grasps,
+                weights=weights,
             )
         watchers = (file,) if recorder is None else (file, recorder)
         try:
@@ -130,7 +151,7 @@ class Exporter:
             if branch.recording is not None:
                 end = read_recording(branch.recording).end
             else:
-                known = recorder.landscapes if recorder is not None else {}
+                known = recorder.allowed if recorder is not None else {}
                 end = run_end(run, session, known, grasps) if run.is_done else None
             if end is not None:
                 file.finish(end)

@@ -8,24 +8,28 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
+from verefine_viz.batch.answer_orders import Order, sort_key
 from verefine_viz.batch.answer_tags import TagFile, answer_key, checked_name, read_tags, save_tags
 from verefine_viz.batch.folder import SESSION_FILE
-from verefine_viz.batch.index import BatchIndex, Order, find_runs, has_finished_frame, read_batch, sort_key
+from verefine_viz.batch.index import BatchIndex, find_runs, has_finished_frame, read_batch
 from verefine_viz.batch.runs import RUN_FILE, Runs
 from verefine_viz.batch.totals import describe_doubts
+from verefine_viz.core.causes import Cause, cause_title
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.page.workspace import Records
 from verefine_viz.run.record import WAITING, Answer
 from verefine_viz.run.run_file import SUFFIX, read_run_file
 from verefine_viz.run.session_file import load_session
 
+if TYPE_CHECKING:
+    from verefine_viz.page.workspace import Records
+
 WRONG, RIGHT, UNKNOWN = "wrong or no answer", "right", "unknown"
+RIGHT_SEEN = "right as far as the image shows"
 """Results, to filter by."""
 
 
@@ -50,7 +54,14 @@ class GalleryEntry:
     @property
     def result(self) -> str:
         """What came of it, to filter by."""
+        if self.is_wrong and self.row.right_seen:
+            return RIGHT_SEEN
         return WRONG if self.is_wrong else WAITING if self.is_waiting else RIGHT if self.row.is_correct else UNKNOWN
+
+    @property
+    def cause_title(self) -> str:
+        """Why it is wrong, to filter by; "" where that is not known."""
+        return cause_title(self.row.cause)
 
     @property
     def can_be_opened(self) -> bool:
@@ -151,7 +162,7 @@ class Gallery:
     @cached_property
     def first_filter(self) -> dict[str, str]:
         """What is shown until the user chooses: wrong answers, if any are known to be."""
-        return {"result": WRONG} if any(entry.is_wrong for entry in self.entries) else {}
+        return {"result": WRONG} if any(entry.result == WRONG for entry in self.entries) else {}
 
     # Tags
 
@@ -205,10 +216,11 @@ def outcome_words(rows: Sequence[Answer], n_runs: int) -> str:
     objects = [row for row in solved if row.is_object]
     known = [row for row in objects if row.has_truth or row.is_correct is not None]
     n_right, missing = sum(row.is_correct is True for row in known), sum(row.status != "ok" for row in objects)
+    n_seen = sum(row.is_correct is True or row.right_seen is True for row in known)
     n_frames, failed = len({row.frame for row in solved}), len(solved) - len(objects)
-    words = f"{n_right} of {len(known)} object{'s' * (len(known) != 1)}" if known else f"{len(objects)} objects"
-    words += f" of {n_runs} runs" if n_runs > 1 else f" in {n_frames} frame{'s' * (n_frames != 1)}"
-    words += f" {'is' if len(known) == 1 else 'are'} right" if known else ""
+    words = f"{n_right} of {len(known)} right" if known else f"{len(objects)} objects"
+    words += f", {n_seen} as far as the image shows," if n_seen > n_right else ""
+    words += f" in {n_runs} runs" if n_runs > 1 else f" in {n_frames} frame{'s' * (n_frames != 1)}"
     unknown = [row for row in objects if row.status == "ok" and not row.can_be_right]
     words += f"; {len(unknown)} without ground truth" if known and unknown else ""
     impossible = sum(row.cause == Cause.IMPOSSIBLE for row in unknown)

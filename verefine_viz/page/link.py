@@ -1,4 +1,4 @@
-"""What stands behind the # of the page's address: frame, object, iteration, and the run of a page that has several.
+"""What stands behind the # of the page's address: frame, object, iteration, branch, and a run of several.
 
 ``frame=3/120&object=2&iteration=17``; objects are named as in session files: by ``object``, the id of its model, or by
 ``instance`` where a frame holds the object twice.
@@ -23,6 +23,8 @@ class PageLink:
     instance: int | None = None
     """instance_id."""
     iteration: int | None = None
+    branch: int | None = None
+    """Number of a branch of the program that is running; None = the first run."""
     run: str = ""
     """Folder of a batch run; empty = the one that is open."""
 
@@ -34,7 +36,7 @@ class PageLink:
 
 
 NAMES = tuple(field.name for field in fields(PageLink))
-_NUMBERS = ("object", "instance", "iteration")
+_NUMBERS = ("object", "instance", "iteration", "branch")
 
 
 def read_link(text: str) -> PageLink:

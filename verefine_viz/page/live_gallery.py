@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.settings import Session
 from verefine_viz.page.gallery import Gallery
-from verefine_viz.scenes.frames import parse_frame
 
 if TYPE_CHECKING:
     from verefine_viz.batch.watch import Watch

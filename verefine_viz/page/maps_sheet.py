@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from PIL import Image as PilImage
 from PIL import ImageDraw, ImageFont
@@ -9,12 +11,13 @@ from PIL import ImageDraw, ImageFont
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.palette import CLASS_COLORS, Image, depth_scale
-from verefine_viz.core.problem import Target
+from verefine_viz.core.problem import ANSWER, Target
 from verefine_viz.core.scores import COLOUR_MAPS, MAP_NAMES, MapName, PoseScore, ScoreMaps
-from verefine_viz.methods.registry import method_of
+from verefine_viz.methods.known_methods import method_of
 from verefine_viz.page.branch import Branch
-from verefine_viz.page.moment import Moment, labels_of, moment_of
-from verefine_viz.page.protocol import Look
+from verefine_viz.page.evaluator import CachedEvaluator
+from verefine_viz.page.frame_objects import labels_of
+from verefine_viz.page.protocol import Save, pose_matrix
 from verefine_viz.pictures.map_images import MapImages, scales_of
 
 HEADINGS: dict[MapName, str] = {
@@ -35,33 +38,31 @@ _TILE_W, _TILE_H, _LEFT, _TITLE, _HEAD, _BAR, _GAP = 240, 192, 150, 30, 34, 46, 
 _INK, _PAPER = (20, 20, 20), (250, 250, 250)
 
 
-def maps_sheet(branch: Branch, k: int, obj: int | None) -> Image:
+def maps_sheet(branch: Branch, what: Save) -> Image:
     """Draw (H, W, 3) what it is of, then a row per pose, a column per map, cut to the object.
 
     Args:
         branch: the run.
-        k: the iteration whose pose is shown; at the end of a run that is over, the answer.
-        obj: the object; None = that of the iteration.
+        what: the object, its poses by name, and the iteration at which they are shown.
 
     Raises:
         InputError: the frame has no such object, there is no pose of it, or the score is not made of pixels.
     """
-    moment = moment_of(branch, Look(branch=branch.index, k=k, obj=obj, answer=True))
-    target, rows = moment.target, _rows(moment)
-    if not rows:
+    if what.obj is None or not what.poses:
         raise InputError("there is no pose of this object yet")
+    target, is_answer = branch.run.problem.target(what.obj), what.poses[0][0] == ANSWER
+    evaluator = branch.evaluator_of(what.k + is_answer)
+    rows = _rows(evaluator, target, [(name, pose_matrix(T)) for name, T in what.poses])
     names: list[MapName] = [name for name in MAP_NAMES if rows[0][2].correlation is not None or name not in COLOUR_MAPS]
     v0, u0, v1, u1 = _region(target, [maps for _, _, maps in rows])
     depth = target.observation.depth_m
     known = depth[target.instance.mask & (depth > 0)]
     middle, half = float(np.median(known)) if len(known) else 1.0, max(target.model.diameter_m, 0.05)
-    scales = scales_of(
-        depth_scale(round(middle - half, 2), round(middle + half, 2)), moment.evaluator.verifier.settings.tau_m
-    )
+    scales = scales_of(depth_scale(round(middle - half, 2), round(middle + half, 2)), evaluator.verifier.settings.tau_m)
     height = _TITLE + _HEAD + len(rows) * (_TILE_H + _GAP) + _BAR
     sheet = PilImage.new("RGB", (_LEFT + len(names) * (_TILE_W + _GAP), height), _PAPER)
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
-    draw.text((8, 8), _title(moment), _INK, font=font)
+    draw.text((8, 8), _title(branch, target, what.k, is_answer), _INK, font=font)
     for row, (words, score, maps) in enumerate(rows):
         top = _TITLE + _HEAD + row * (_TILE_H + _GAP)
         draw.text((8, top + 8), f"{words}\nscore {score.score:.3f}", _INK, font=font)
@@ -85,22 +86,16 @@ def maps_sheet(branch: Branch, k: int, obj: int | None) -> Image:
     return np.asarray(sheet)
 
 
-def _rows(moment: Moment) -> list[tuple[str, PoseScore, ScoreMaps]]:
-    """Return the pose that the run has there, and the true one: name, score, maps."""
-    poses: dict[str, Float | None] = {
-        "answer" if moment.is_answer else "accepted": moment.poses.get("best" if moment.is_answer else "accepted"),
-        "ground truth": moment.poses.get("ground truth"),
-    }
-    if poses.get("accepted", True) is None:
-        poses = {"initial": moment.poses.get("initial"), **poses}
-    evaluator, target = moment.evaluator, moment.target
+def _rows(
+    evaluator: CachedEvaluator, target: Target, poses: Sequence[tuple[str, Float]]
+) -> list[tuple[str, PoseScore, ScoreMaps]]:
+    """Return name, score and maps of each pose."""
     rows: list[tuple[str, PoseScore, ScoreMaps]] = []
-    for words, T in poses.items():
-        maps = None if T is None else evaluator.maps(target, T)
-        if T is not None and maps is None:
+    for name, T in poses:
+        maps = evaluator.maps(target, T)
+        if maps is None:
             raise InputError(f"{evaluator.verifier.settings.verifier} gives a score, and no maps of it.")
-        if T is not None and maps is not None:
-            rows.append((words, evaluator.score(target, T), maps))
+        rows.append((name, evaluator.score(target, T), maps))
     return rows
 
 
@@ -121,11 +116,13 @@ def _region(target: Target, maps: list[ScoreMaps]) -> tuple[int, int, int, int]:
     )
 
 
-def _title(moment: Moment) -> str:
-    branch, instance_id = moment.branch, moment.target.instance.instance_id
-    label, method = labels_of(moment.problem)[instance_id], method_of(branch.settings.method.name).label
-    when = f"answer after {moment.k} iterations" if moment.is_answer else f"iteration {moment.k}"
-    return f"{label}, frame {moment.problem.frame}, {method}, {when}"
+def _title(branch: Branch, target: Target, k: int, is_answer: bool) -> str:
+    label, method = (
+        labels_of(branch.run.problem)[target.instance.instance_id],
+        method_of(branch.settings.method.name).label,
+    )
+    when = f"answer after {k} iterations" if is_answer else f"iteration {k}"
+    return f"{label}, frame {branch.run.problem.frame}, {method}, {when}"
 
 
 def _legend(draw: ImageDraw.ImageDraw, left: int, top: int) -> None:

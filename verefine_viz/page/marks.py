@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Literal
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from verefine_viz.core.records import Event, Iteration
+from verefine_viz.page.run_messages import Mark, MarkTone
 
-Tone = Literal["problem", "rejected", "flip", "switched", "best", "edited"]
 QUIET = frozenset({"kept_refined", "no_physics"})
 """Happens all the time, or once for a known reason: no mark."""
 
@@ -28,7 +26,7 @@ GROWTH_MM = 3.0
 """An accepted pose whose error grew by more than this although its score did not fall gets a mark [mm]."""
 
 
-TONES: dict[str, Tone] = {
+TONES: dict[str, MarkTone] = {
     "kept_simulated": "rejected",
     "flipped": "flip",
     "arm_switched": "switched",
@@ -37,17 +35,7 @@ TONES: dict[str, Tone] = {
     "edited": "edited",
 }
 """By kind of event; all others are problems."""
-RED: Tone = "problem"
-
-
-class Mark(Struct, frozen=True):
-    """One mark."""
-
-    k: int
-    obj: int
-    kind: str
-    text: str
-    tone: Tone
+RED: MarkTone = "problem"
 
 
 def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tuple[Mark, ...]:

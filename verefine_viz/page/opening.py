@@ -1,4 +1,4 @@
-"""Opens something else: a frame, a session, a built-in scene, a recording, an answer of the gallery, or a link."""
+"""Opens something else: a frame, a session, a built-in scene, a recording, a batch, an answer of one, or a link."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ from pathlib import Path
 
 from msgspec import structs
 
-from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.errors import InputError, SettingsError, VerefineError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import expand_home
-from verefine_viz.page.gallery import GalleryEntry, open_gallery
+from verefine_viz.labels.label_folder import folder_of_labels
+from verefine_viz.page.gallery import Gallery, GalleryEntry, open_gallery, read_gallery
 from verefine_viz.page.link import PageLink, read_link
+from verefine_viz.page.messages import ViewMessage, ViewPatch
 from verefine_viz.page.page_state import PageState
 from verefine_viz.page.protocol import Open
+from verefine_viz.page.views.gallery_answers import answers_message
+from verefine_viz.run.label_session import label_session
 from verefine_viz.run.session_file import load_session
 
 
@@ -39,6 +43,9 @@ def _open(d: PageState, verb: Open, window: int | None) -> None:
     if verb.link:
         _open_link(d, read_link(verb.link), window)
         return
+    if verb.batch:
+        _open_batch(d, read_gallery(expand_home(verb.batch)), window)
+        return
     if verb.frame:
         space.open_frame(verb.frame)
     elif verb.recording:
@@ -48,11 +55,20 @@ def _open(d: PageState, verb: Open, window: int | None) -> None:
         file = expand_home(verb.session)
         space.open(load_session(file), file)
         d.enter_run("")
+    elif verb.label:
+        scene = space.tools.session.scene
+        if scene.source not in ("bop", "folder"):
+            raise InputError("frames of a folder can be labelled; open one, or use verefine-viz label FOLDER")
+        split = {"split": scene.split} if scene.source == "bop" else {}
+        overrides = {"scene": {**split, "frames": space.frames}}
+        folder = Path(scene.dataset)
+        space.open(label_session(folder, None, folder_of_labels(folder), overrides), None, space.frame)
+        d.enter_run("")
     elif verb.demo:
         space.open(*_demo_session(d, verb.demo))
         d.enter_run("")
     else:
-        raise InputError("open what? Name a frame, a session, a recording, a demo, an answer or a link")
+        raise InputError("open what? Name a frame, a session, a recording, a batch, a demo, an answer or a link")
     d.send_frame()
     d.repeat_recorded()
     d.show(None, None, None)
@@ -75,13 +91,29 @@ def _open_link(d: PageState, link: PageLink, window: int | None) -> None:
     elif obj is not None and obj not in [i.instance_id for i in instances]:
         obj = None
         d.say(f"Frame {frame} holds no instance {link.instance}.", window)
-    total = space.work.first.run.n_iterations
+    branch = space.work.first if link.branch is None else space.branches.get(link.branch)
+    if branch is None:
+        d.say(f"Frame {frame} has no branch {link.branch} (any more).", window)
+        branch = space.work.first
+    total = branch.run.n_iterations
     if link.iteration is not None and link.iteration > total:
         d.say(f"The run has no iteration {link.iteration}: {total} is its last.", window)
     if link.iteration is None and frame == space.frame and obj is not None:
-        d.post({"t": "view", "patch": {"obj": obj, "arm": None}}, window)
+        d.post(ViewMessage(ViewPatch(branch=branch.index, obj=obj, arm=None)), window)
     else:
-        d.show(link.iteration, obj, window)
+        d.show(link.iteration, obj, window, branch)
+
+
+def _open_batch(d: PageState, gallery: Gallery, window: int | None) -> None:
+    """Open a batch at its worst answer, with all of its answers in the gallery."""
+    before, d.gallery = d.gallery, gallery
+    try:
+        _open_answer(d, gallery.worst)
+    except VerefineError:
+        d.gallery = before
+        raise
+    d.post(answers_message(gallery), None)
+    d.show(gallery.worst.iteration, gallery.worst.row.instance_id, window)
 
 
 def _open_answer(d: PageState, entry: GalleryEntry) -> None:

@@ -12,18 +12,33 @@ from typing import Any
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.methods.registry import method_of
+from verefine_viz.methods.known_methods import method_of
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.branch import Branch
+from verefine_viz.page.frame_messages import FrameMessage
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.page.marks import jumps
+from verefine_viz.page.messages import (
+    DoubtsMessage,
+    NoteMessage,
+    OpenMessage,
+    ReadyMessage,
+    RunningMessage,
+    Scene3DMessage,
+    ViewMessage,
+    ViewPatch,
+    WrittenMessage,
+)
 from verefine_viz.page.protocol import AnyVerb
+from verefine_viz.page.run_messages import VerdictMessage
 from verefine_viz.page.session_titles import titled
 from verefine_viz.page.views.branch_list import branches_message
+from verefine_viz.page.views.doubts import shown_doubts
 from verefine_viz.page.views.frame import frame_message
 from verefine_viz.page.views.gallery_answers import answers_message
+from verefine_viz.page.views.label_list import labels_message
 from verefine_viz.page.views.rows import run_message
 from verefine_viz.page.views.verdict import finished_objects, verdict_message
 from verefine_viz.page.worker import Post
@@ -86,7 +101,7 @@ class PageState:
         gallery: Gallery | None = None,
         demos: Sequence[str] = (),
         sessions: Callable[[], Sequence[Path]] = tuple,
-        write: Callable[[PageState, p.Save], dict[str, Any]] | None = None,
+        write: Callable[[PageState, p.Save], WrittenMessage] | None = None,
         progress: ProgressToken = NEVER_CANCELLED,
     ) -> None:
         self.space, self.post, self.blobs = space, post, blobs or Blobs()
@@ -112,6 +127,8 @@ class PageState:
         self._judged: dict[int, int] = {}
         """Branches whose verdict windows have, and of how many iterations."""
         self._later: Iterator[None] | None = self._warm_up()
+        self._checked: Branch | None = None
+        """The first branch once windows have the doubts about its data, which the frame is shown before."""
         self.repeat_recorded()
 
     # Computing
@@ -179,19 +196,20 @@ class PageState:
         if method_of(branch.settings.method.name).repeats and not branch.run.is_done:
             self.compute(Goal(branch, branch.run.n_iterations))
 
-    def show(self, iteration: int | None, obj: int | None, window: int | None) -> None:
-        """Take a window to an iteration of the first branch, and compute the whole run where it is not there yet.
+    def show(self, iteration: int | None, obj: int | None, window: int | None, branch: Branch | None = None) -> None:
+        """Take a window to an iteration of a branch, and compute the whole run where it is not there yet.
 
         Args:
             iteration: 0 = before the first; None = the end of what is there.
             obj: in focus; None = that of the iteration.
             window: which; None = all.
+            branch: None = the first.
         """
-        branch = self.space.work.first
+        branch = branch or self.space.work.first
         run = branch.run
-        patch = {"branch": branch.index, "obj": obj, "stage": None, "arm": None, "moment": None}
+        patch = ViewPatch(branch=branch.index, obj=obj, stage=None, arm=None, moment=None)
         at = None if iteration is None else min(iteration, run.n_iterations)
-        self.post({"t": "view", "patch": patch, "at": at}, window)
+        self.post(ViewMessage(patch, at), window)
         if iteration is not None and not run.is_done:
             self.compute(Goal(branch, run.n_iterations))
 
@@ -204,7 +222,7 @@ class PageState:
         frames = None
         if self.batch_run and space.tools.session == gallery.session(self.batch_run):
             frames = space.frames = gallery.frames(self.batch_run)
-        self.post({**answers_message(gallery), "frames": frames}, None)
+        self.post(answers_message(gallery, frames), None)
 
     def step(self, branch: Branch) -> None:
         """Compute one iteration at the end of a branch."""
@@ -216,7 +234,7 @@ class PageState:
 
     # What windows get
 
-    def known(self, blobs: Blobs) -> Iterator[dict[str, Any]]:
+    def known(self, blobs: Blobs) -> Iterator[OpenMessage]:
         """Return the messages that say all that is known of the open frame; ``blobs`` gets their arrays."""
         yield self._frame(blobs)
         yield branches_message(self.space)
@@ -226,8 +244,10 @@ class PageState:
                 yield self._verdict(branch)
 
     def work_out(self, objects: Collection[int] | None = None) -> Iterator[None]:
-        """Work out, piece by piece, what the verdicts on finished runs may still say of some objects; None = of all."""
+        """Work out, piece by piece, doubts and what the verdicts may still say of some objects; None = of all."""
         for branch in self.space.branches.values():
+            branch.data.doubts()
+            yield
             if branch.is_over:
                 yield from self._work_out(branch, objects)
 
@@ -241,19 +261,20 @@ class PageState:
                 self._judge(branch)
         if self.gallery is not None:
             self.post(answers_message(self.gallery), window)
+        self.send_labels(window)
         self.announce_running(window)
-        self.post({"t": "scene3d", "window": self.look_window}, window)
-        self.post({"t": "ready"}, window)
+        self.post(Scene3DMessage(self.look_window), window)
+        self.post(ReadyMessage(), window)
 
     def window_closed(self, window: int) -> None:
         """Note that a window is closed: the 3D view is free for another one."""
         if window == self.look_window:
             self.look_window = None
-            self.post({"t": "scene3d", "window": None}, None)
+            self.post(Scene3DMessage(None), None)
 
     def say(self, text: str, window: int | None = None) -> None:
         """Show a few words."""
-        self.post({"t": "note", "text": text}, window)
+        self.post(NoteMessage(text), window)
 
     def send_frame(self) -> None:
         """Send everything again: another frame, session or start."""
@@ -262,6 +283,12 @@ class PageState:
         self.send_branches()
         for branch in self.space.branches.values():
             self.send_rows(branch)
+        self.send_labels()
+
+    def send_labels(self, window: int | None = None) -> None:
+        """Send the labels of the frame, where it is open to be labelled."""
+        if self.space.is_labelling:
+            self.post(labels_message(self.space.desk, self.space.frame), window)
 
     def send_branches(self) -> None:
         """Send which branches there are."""
@@ -285,22 +312,17 @@ class PageState:
     def announce_running(self, window: int | None = None) -> None:
         """Say which branch is computed, and how long it will take."""
         left = [goal.remaining_s for goal in self.goals.values()]
-        running = {
-            "branch": next(iter(self.goals), None),
-            "branches": list(self.goals),
-            "stopped": self.stopped,
-            "remaining_s": sum(s for s in left if s is not None) if any(s is not None for s in left) else None,
-        }
-        self.post({"t": "running", **running}, window)
+        remaining_s = sum(s for s in left if s is not None) if any(s is not None for s in left) else None
+        running = RunningMessage(next(iter(self.goals), None), list(self.goals), self.stopped, remaining_s)
+        self.post(running, window)
 
-    def _frame(self, blobs: Blobs) -> dict[str, Any]:
+    def _frame(self, blobs: Blobs) -> FrameMessage:
         sessions = self.list_sessions()
         shown = {path.stem for path in sessions if path.stem.startswith("failure_")}  # By titles that say less.
         demos = [name for name in self.demos if name not in shown]
-        message = frame_message(self.space, blobs, demos, titled(sessions))
-        return {**message, "run": self.batch_run}
+        return frame_message(self.space, blobs, self.batch_run, demos, titled(sessions))
 
-    def _verdict(self, branch: Branch) -> dict[str, Any]:
+    def _verdict(self, branch: Branch) -> VerdictMessage:
         return verdict_message(branch, self._batch_rows(branch))
 
     def _batch_rows(self, branch: Branch) -> dict[int, Any]:
@@ -320,7 +342,13 @@ class PageState:
     # Work aside
 
     def later(self) -> bool:
-        """Work out a piece of what the verdict may still say; return whether there is more."""
+        """Work out a piece of what doubts and verdict may still say; return whether there is more."""
+        first = self.space.work.first
+        if self._checked is not first:
+            self._checked = first
+            if doubts := shown_doubts(first):
+                self.post(DoubtsMessage(doubts), None)
+            return True
         if self._later is None:
             return False
         try:
@@ -353,11 +381,12 @@ class PageState:
             self.post(self._verdict(branch), None)
         for o in objects:
             assert o.answer is not None
-            iterations = branch.run.iterations_of(o.instance_id)
-            evaluator.landscape(o.target, o.answer.T_cam_obj)
-            yield
             evaluator.near_symmetries(o.target.model)
             yield
-            evaluator.other_pose(o.target, o.answer.T_cam_obj, iterations)
+            evaluator.allowed(o.target, o.answer.T_cam_obj, branch.run.iterations)
             yield
+            T_gt = o.target.instance.T_cam_obj_gt
+            if o.is_wrong and T_gt is not None:
+                evaluator.allowed(o.target, T_gt, branch.run.iterations)
+                yield
         self.post(self._verdict(branch), None)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta, Struct
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import as_rigid
 
 Index = Annotated[int, Meta(ge=0, le=100_000)]
 Text = Annotated[str, Meta(max_length=4096)]
@@ -27,9 +31,9 @@ class UnconfirmedError(InputError):
         verb: what the button sends.
     """
 
-    def __init__(self, text: str, words: str, verb: Verb) -> None:
+    def __init__(self, text: str, words: str, verb: AnyVerb) -> None:
         super().__init__(text)
-        self.offer = {"words": words, "verb": msgspec.to_builtins(verb)}
+        self.words, self.verb = words, verb
 
 
 class Verb(Struct, forbid_unknown_fields=True, tag_field="verb", tag=lambda name: name.removesuffix("Verb").lower()):
@@ -44,39 +48,87 @@ class EditedPose(Struct, frozen=True, forbid_unknown_fields=True):
     T: Pose
 
 
-class Grasp(Struct, frozen=True, forbid_unknown_fields=True):
-    """The grasp that is drawn: by which pose, and which of its moments."""
+class DrawnPose(Struct, frozen=True, array_like=True):
+    """An object as the 3D view draws it at a pose: ``[obj, T, role, opacity]``."""
 
+    obj: int
+    T: Pose
+    role: Annotated[str, Meta(max_length=40)]
+    """The name of a stage, which gives the colour; "body": an object that is not in focus, in its own colour;
+    "gizmo": the edited pose, with handles; "B": the run beside."""
+    opacity: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    """Of its body; 0 = an outline."""
+
+
+class DrawnHypothesis(Struct, frozen=True, array_like=True):
+    """A hypothesis of the object in focus as a ghost in the 3D view: ``[T, share]``."""
+
+    T: Pose
+    share: Annotated[float, Meta(ge=0, le=1)]
+    """Its rank by score in what is known of the run: 0 = the lowest, 1 = the highest."""
+
+
+class PathMoment(Struct, frozen=True, forbid_unknown_fields=True):
+    """The simulated path of an iteration, and which of its moments is drawn."""
+
+    k: Annotated[int, Meta(ge=1, le=100_000)]
+    moment: Index | None = None
+    """None = the path is not drawn, only the contacts at its end."""
+
+
+class Grasp(Struct, frozen=True, forbid_unknown_fields=True):
+    """The grasp that is drawn: at which pose, by which of the two, and which of its moments."""
+
+    T: Pose
     by: Literal["pose", "truth"] = "pose"
     moment: Index = 0
 
 
-class Beside(Struct, frozen=True, forbid_unknown_fields=True):
-    """The run that stands beside the one looked at."""
+Pixel = tuple[Index, Index]
+Layer3D = Literal["cloud", "photo", "plane", "gravity", "other objects", "own colours", "contacts", "overlaps"]
+CloudColors = Literal["photo", "distance to model", "normals", "class"]
+CameraPlace = Literal["sensor", "object", "first"]
+WHOLE_SCENE = 4.0
 
-    branch: Index
-    k: Index
+
+class SceneLook(Struct, frozen=True, forbid_unknown_fields=True):
+    """What of a frame the 3D view shows beside poses, and how."""
+
+    hidden: tuple[Layer3D, ...] = ()
+    cloud: CloudColors = "photo"
+    box: Annotated[float, Meta(ge=0.2, le=WHOLE_SCENE)] = WHOLE_SCENE
+    """Side of the box around the object in focus outside of which nothing is shown [diameters]; 4 = everything is."""
+    cut: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    """Share of the object in focus that is cut away, from the front."""
+    gizmo_px: Annotated[float, Meta(ge=40, le=800)] = 170.0
+    text_px: Annotated[float, Meta(ge=6, le=60)] = 13.0
 
 
 class Look(Verb):
-    """What a window shows; the 3D view follows the window used last."""
+    """What a window shows; the 3D view follows the window used last, and draws what it names."""
 
     branch: Index = 0
     k: Index = 0
-    stage: Text | None = None
-    """Last stage of iteration k that is shown; None = all of it."""
+    """Iteration by whose settings poses are scored."""
     obj: int | None = None
-    """None = the object of the iteration."""
-    arm: Index | None = None
-    moment: Index | None = None
-    """Moment of the simulated path; None = it is not drawn."""
-    edited: Pose | None = None
+    """The object in focus; None = there is none: the frame is drawn."""
+    draw: Annotated[tuple[DrawnPose, ...], Meta(max_length=MOST_POSES)] = ()
+    hypotheses: Annotated[tuple[DrawnHypothesis, ...], Meta(max_length=MOST_POSES)] = ()
+    """Of the object in focus."""
+    arm: Index = 0
+    """The hypothesis that is drawn more clearly."""
+    allowed: Annotated[tuple[Pose, ...], Meta(max_length=MOST_POSES)] = ()
+    """Poses of the object in focus that the image allows."""
+    axes: Annotated[tuple[Pose, ...], Meta(max_length=2)] = ()
+    """Poses of the object in focus whose axes are drawn."""
+    path: PathMoment | None = None
     grasp: Grasp | None = None
-    b: Beside | None = None
-    answer: bool = False
-    """Whether the answers of the finished run are shown instead of iteration k."""
-    camera: Literal["sensor", "object", "first"] | None = None
+    camera: CameraPlace | None = None
     """Where to take the 3D view's camera."""
+    scene: SceneLook = SceneLook()
+    pixel: Pixel | None = None
+    """Its ray and what it sees are drawn."""
+    ruler: tuple[Pixel, Pixel] | None = None
 
 
 class Step(Verb):
@@ -114,6 +166,8 @@ class Restart(Verb):
     changes: Changes = {}
     discard: bool = False
     """Whether other branches, and poses that were edited, may be lost."""
+    run: bool = False
+    """Whether it then runs to its end."""
 
 
 class Fork(Verb):
@@ -126,6 +180,17 @@ class Fork(Verb):
     run: bool = False
 
 
+class Refine(Verb):
+    """Begin a branch in which a pose is the only hypothesis of its object; others begin where they stand."""
+
+    obj: int
+    T: Pose
+    k: Index
+    """The iteration after which the other objects are taken."""
+    branch: Index = 0
+    run: bool = True
+
+
 class Open(Verb):
     """Open something else; one of the fields says what."""
 
@@ -133,8 +198,12 @@ class Open(Verb):
     demo: Text = ""
     session: Text = ""
     recording: Text = ""
+    batch: Text = ""
+    """Folder of a batch, or of several."""
     link: Text = ""
     answer: Index | None = None
+    label: bool = False
+    """The frames of the open session, to be labelled."""
     hulls: bool = False
     """Whether physics takes every model for its convex hull, so that nothing has to be decomposed."""
 
@@ -222,6 +291,14 @@ class OutlinesWanted(Wanted):
     poses: Annotated[tuple[Pose, ...], Meta(max_length=MOST_POSES)]
 
 
+class DoubtWanted(Wanted):
+    """What shows a doubt about the data in the image."""
+
+    index: Index
+    """In the list of the frame or the verdict."""
+    branch: Index = 0
+
+
 class ShadedWanted(Wanted):
     """A model as it would look at a pose."""
 
@@ -229,20 +306,54 @@ class ShadedWanted(Wanted):
     T: Pose
 
 
-class PhysicsWanted(Wanted):
-    """Whether the objects can stand where they are, and what the simulation did."""
+class Standing(Struct, frozen=True, array_like=True):
+    """An object where it stands: ``[obj, T, waits]``."""
 
+    obj: int
+    T: Pose
+    waits: bool = False
+    """Whether its turn is still to come, so that it stands at an initial pose."""
+
+
+class PhysicsWanted(Wanted):
+    """Whether objects can stand where they are, and what the simulation did."""
+
+    obj: int
+    """The object in focus."""
     branch: Index = 0
     k: Index = 0
-    obj: int | None = None
-    answer: bool = False
-    edited: Pose | None = None
+    """Iteration by whose settings it is worked out."""
+    poses: Annotated[tuple[tuple[Text, Pose], ...], Meta(max_length=8)] = ()
+    """Poses of the focus that are looked at more closely, by name: before and after."""
+    stands: Annotated[tuple[Standing, ...], Meta(max_length=MOST_POSES)] = ()
+    alone: bool = False
+    """Whether the focus alone is asked about, among the others where they stand."""
+    path: Index | None = None
+    """Iteration whose simulated path is shown."""
+
+
+class RefinedWanted(Wanted):
+    """Where refining a pose from here ends: refined, settled and verified among the objects where they stand."""
+
+    obj: int
+    T: Pose
+    branch: Index = 0
+    stands: Annotated[tuple[Standing, ...], Meta(max_length=MOST_POSES)] = ()
+
+
+class PointWanted(Wanted):
+    """What was measured at a pixel, and how far it is from the objects where they stand."""
+
+    pixel: Pixel
+    branch: Index = 0
+    stands: Annotated[tuple[Standing, ...], Meta(max_length=MOST_POSES)] = ()
 
 
 class LandscapeWanted(Wanted):
-    """The score around the best pose of an object at an iteration."""
+    """The score around a pose of an object."""
 
     obj: int
+    T: Pose
     branch: Index = 0
     k: Index = 0
     part: Literal["curves", "slice", "other"] = "curves"
@@ -263,8 +374,7 @@ class ComparisonWanted(Wanted, tag="compare"):
 class CropsWanted(Wanted):
     """What a learned refiner saw in an iteration."""
 
-    k: Index
-    obj: int
+    k: Annotated[int, Meta(ge=1, le=100_000)]
     branch: Index = 0
 
 
@@ -286,16 +396,9 @@ class RecordedWanted(Wanted):
 
 
 AnyWant = (
-    MapsWanted
-    | OutlinesWanted
-    | ShadedWanted
-    | PhysicsWanted
-    | LandscapeWanted
-    | ComparisonWanted
-    | CropsWanted
-    | TrackWanted
-    | RecordedWanted
-)
+    MapsWanted | OutlinesWanted | DoubtWanted | ShadedWanted | PhysicsWanted | PointWanted | RefinedWanted
+    | LandscapeWanted | ComparisonWanted | CropsWanted | TrackWanted | RecordedWanted
+)  # fmt: skip
 
 
 class Want(Verb):
@@ -312,7 +415,11 @@ class Save(Verb):
     what: Literal["session", "recording", "share", "results", "maps", "verbs"]
     branch: Index = 0
     k: Index = 0
+    """Of the maps: the iteration that is shown."""
     obj: int | None = None
+    """Of the maps: the object."""
+    poses: Annotated[tuple[tuple[Text, Pose], ...], Meta(max_length=8)] = ()
+    """Of the maps: the poses of the object, by name."""
     name: Annotated[str, Meta(max_length=120)] = ""
     replace: bool = False
 
@@ -325,9 +432,65 @@ class Tag(Verb):
     on: bool = True
 
 
+class Place(Verb):
+    """Put an object of a frame to be labelled where its photo was clicked: upright, at the depth there."""
+
+    obj_id: Index
+    pixel: Pixel
+
+
+class Find(Verb):
+    """Search for an object inside a box, or on what a scribble covers; the best poses become its candidates."""
+
+    obj_id: Index
+    box: tuple[Index, Index, Index, Index] | None = None
+    """[left, top, right, bottom] [px]."""
+    scribble: Annotated[tuple[Pixel, ...], Meta(max_length=10_000)] = ()
+
+
+class Snap(Verb):
+    """Refine a labelled object from a pose, settle it and verify it."""
+
+    obj: int
+    T: Pose
+
+
+class Decide(Verb):
+    """Say what a label is, or take it away."""
+
+    obj: int
+    state: Literal["accepted", "uncertain", "proposed", "removed"]
+    note: Annotated[str, Meta(max_length=400)] = ""
+
+
+class UndoLabel(Verb):
+    """Take back what was last done to the labels of the frame, or do it again."""
+
+    redo: bool = False
+
+
+class Carry(Verb):
+    """Carry the labels of the frame to those that follow, until one needs a person."""
+
+    most: Annotated[int, Meta(ge=1, le=100_000)] = 100_000
+    """Frames."""
+
+
+class Export(Verb):
+    """Write the labels as the ground truth of a BOP data set."""
+
+    out: Text = ""
+    """Folder of a data set that is written; none = into the data set itself."""
+    uncertain: bool = False
+    """Whether uncertain ones are written, too."""
+    symmetries: Annotated[tuple[Index, ...], Meta(max_length=1000)] = ()
+    """Objects whose proposed symmetries were confirmed."""
+    overwrite: bool = False
+
+
 AnyVerb = (
-    Look | Step | Seek | RunVerb | Pause | Cancel | Restart | Fork | Open | Estimate | BranchVerb | Compare | Break
-    | Order | Evaluate | Want | Save | Tag
+    Look | Step | Seek | RunVerb | Pause | Cancel | Restart | Fork | Refine | Open | Estimate | BranchVerb | Compare
+    | Break | Order | Evaluate | Want | Save | Tag | Place | Find | Snap | Decide | UndoLabel | Carry | Export
 )  # fmt: skip
 
 _DECODER = msgspec.json.Decoder(AnyVerb)
@@ -368,6 +531,15 @@ def _whole(value: Any) -> Any:
     if isinstance(value, dict):
         return {_whole(key): _whole(one) for key, one in value.items()}
     return [*map(_whole, value)] if isinstance(value, list | tuple) else value
+
+
+def pose_matrix(values: Sequence[float]) -> Float:
+    """Return a pose (4, 4) that came from a browser as 16 numbers by rows, made rigid.
+
+    Raises:
+        ShapeError: it is no rigid pose.
+    """
+    return as_rigid(np.array(values, float).reshape(4, 4), "pose")
 
 
 def write_verb(verb: AnyVerb) -> str:

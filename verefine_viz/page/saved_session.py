@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from msgspec import structs
 
 from verefine_viz.core.settings import Edit, Session
 from verefine_viz.core.text_format import listed
-from verefine_viz.page.branch import Branch
 from verefine_viz.run.edits import edits_of
+
+if TYPE_CHECKING:
+    from verefine_viz.page.branch import Branch
 
 # What files hold of the open session.
 

@@ -22,15 +22,16 @@ from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from verefine_viz import __version__
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.files import id_of
-from verefine_viz.page.admission import Admission, Guard, is_loopback, reached_at, url_host
+from verefine_viz.page.admission import Admission, Guard, is_loopback, policy, reached_at, url_host
 from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.messages import AnyMessage
 from verefine_viz.page.protocol import AnyVerb, encoded, read_verb
+from verefine_viz.page.sent_palette import hello
+from verefine_viz.page.web_files import WEB, import_map_hash
 
 _LOG = logging.getLogger(__name__)
-WEB = Path(__file__).parent / "web"
 MOST_FAULTS = 10
 """Malformed messages after which a window is closed."""
 MOST_MESSAGES = 20_000
@@ -72,6 +73,7 @@ class PageServer:
         receive: gets what windows ask for, on the server's thread.
         blobs: binary arrays by key.
         thumbnail: begins to make the small picture of an answer of the gallery (WebP); None = there is none.
+        frame_picture: the same of a frame of the session.
         file: gives the file of a name that this program wrote, to download; None = it wrote none.
         closed: gets the number of a window that was closed, on the server's thread.
 
@@ -88,11 +90,14 @@ class PageServer:
         receive: Receive,
         blobs: Blobs,
         thumbnail: Callable[[int], Future[bytes] | None] = lambda number: None,
+        frame_picture: Callable[[int], Future[bytes] | None] = lambda number: None,
+        model_picture: Callable[[int], Future[bytes] | None] = lambda number: None,
         file: Callable[[str], Path | None] = lambda name: None,
         closed: Callable[[int], None] = lambda window: None,
     ) -> None:
         self._closed = closed
         self._receive, self._blobs, self._thumbnail, self._file = receive, blobs, thumbnail, file
+        self._frame_picture, self._model_picture = frame_picture, model_picture
         self._windows: dict[int, Window] = {}
         self._numbers = count(1)
         admission = Admission(host, allowed_origins)
@@ -105,9 +110,11 @@ class PageServer:
             )  # fmt: skip
         self._app = Starlette(
             routes=[
-                Route("/", lambda request: FileResponse(WEB / "index.html", headers={"cache-control": "no-cache"})),
+                Route("/", _page),
                 Route("/blob/{key}", self._blob),
                 Route("/thumb/{number}", self._thumb),
+                Route("/frame/{number}", self._frame),
+                Route("/model/{number}", self._model),
                 Route("/file/{name}", self._written),
                 WebSocketRoute("/ws", self._talk),
                 Mount("/web", _Files(directory=WEB)),
@@ -142,7 +149,7 @@ class PageServer:
         self._thread.join(timeout=10)
         self._socket.close()
 
-    def post(self, message: dict[str, Any], window: int | None = None) -> None:
+    def post(self, message: AnyMessage, window: int | None = None) -> None:
         """Send a message to a window, or to all. Callable from any thread."""
         text = encoded(message).decode()
         if self._loop is not None and not self._loop.is_closed():
@@ -167,7 +174,7 @@ class PageServer:
         await socket.accept()
         window = Window(next(self._numbers))
         self._windows[window.number] = window
-        await socket.send_text(encoded({"t": "hello", "window": window.number, "version": __version__}).decode())
+        await socket.send_text(encoded(hello(window.number)).decode())
         self._receive(window.number, None)
         sending = asyncio.create_task(_send_all(socket, window))
         try:
@@ -204,15 +211,24 @@ class PageServer:
         return Response(blob.data, media_type=blob.media_type, headers={"cache-control": "no-store"})
 
     async def _thumb(self, request: Request) -> Response:
+        return await self._picture(request, self._thumbnail)
+
+    async def _frame(self, request: Request) -> Response:
+        return await self._picture(request, self._frame_picture)
+
+    async def _model(self, request: Request) -> Response:
+        return await self._picture(request, self._model_picture)
+
+    async def _picture(self, request: Request, begin: Callable[[int], Future[bytes] | None]) -> Response:
         number = id_of(request.path_params["number"])
-        future = None if number is None else self._thumbnail(number)
+        future = None if number is None else begin(number)
         if future is None:
             return Response(status_code=404)
         try:
             made = await asyncio.wait_for(asyncio.shield(asyncio.wrap_future(future)), _LONGEST_WAIT_S)
         except TimeoutError:
             return Response(status_code=503)
-        # Its address names the answer too, so the browser need not ask again.
+        # Its address names the answer or the frame too, so the browser need not ask again.
         cached = {"cache-control": "private, max-age=3600"}
         return Response(made, media_type="image/webp", headers=cached) if made else Response(status_code=404)
 
@@ -221,6 +237,11 @@ class PageServer:
         if path is None or not path.is_file():
             return Response(status_code=404)
         return FileResponse(path, filename=path.name, headers={"cache-control": "no-store"})
+
+
+def _page(request: Request) -> Response:
+    headers = {"cache-control": "no-cache", "content-security-policy": policy(f"'{import_map_hash()}'")}
+    return FileResponse(WEB / "index.html", headers=headers)
 
 
 class _Files(StaticFiles):

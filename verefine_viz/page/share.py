@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
-from verefine_viz import __version__
 from verefine_viz.core.arguments import checked_choice, checked_flag, checked_path, checked_text
 from verefine_viz.core.errors import InputError, VerefineError, one_line, unknown
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic
 from verefine_viz.page import protocol as p
+from verefine_viz.page.answers_to_wants import AnyAnswer, GoneAnswer, MapsAnswer, ShadedAnswer, StoredArray
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.bundle import InlinedBlobs, bundle, compressed, element, webp
+from verefine_viz.page.bundle import AskedFor, InlinedBlobs, bundle, command_path, compressed, element, webp
+from verefine_viz.page.frame_messages import BranchesMessage, FrameMessage
 from verefine_viz.page.gallery import Gallery, GalleryEntry
+from verefine_viz.page.messages import AnyMessage, FileMessage, OpenMessage
 from verefine_viz.page.openable import path_of, read_openable
 from verefine_viz.page.page_state import PageState
+from verefine_viz.page.run_messages import RunMessage, VerdictMessage
+from verefine_viz.page.sent_palette import hello
+from verefine_viz.page.shared_wants import SharedBranch, WithMaps
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.pixel_maps import ALIGNED
 from verefine_viz.page.wants import ANSWERS
@@ -34,8 +40,6 @@ if TYPE_CHECKING:
     from verefine_viz.run.toolbox import Toolbox
 
 Json = dict[str, Any]
-WithMaps = Literal["end", "marked", "all"]
-"""Which iterations have score maps: those that made the answers or that a verdict names; marked ones as well; all."""
 STEPS: dict[str, tuple[float, type]] = {
     "rendered": (1e-4, np.uint16),
     "angle": (math.radians(1), np.uint8),
@@ -44,6 +48,8 @@ STEPS: dict[str, tuple[float, type]] = {
     "correlation": (0.01, np.int16),
 }
 """What maps are rounded to, their least significant digit on the page; the highest whole number is no value."""
+OF_COLOUR = ("correlation", "rendered_rgb")
+"""Maps that a file has only where colour counts: they would be a ninth of it."""
 SHADED_QUALITY = 85
 MOST_SCENE_BYTES = 12_000_000
 """A larger 3D view is left out of a file, and the file says so."""
@@ -54,8 +60,8 @@ class SharedRun:
     """What the page knows of an open frame."""
 
     title: str
-    messages: tuple[Json, ...]
-    answers: tuple[tuple[Json, Json], ...]
+    messages: tuple[AnyMessage, ...]
+    answers: tuple[AskedFor, ...]
     """Wants and what answers them."""
     elements: tuple[str, ...]
     """HTML of the arrays and pictures that both name."""
@@ -108,18 +114,13 @@ def write_shared(run: SharedRun, scene: str, out: Path) -> str:
     """
     messages, elements, note = run.messages, run.elements, ""
     if 0 < len(scene) <= MOST_SCENE_BYTES:
-        messages = tuple({**one, "scene": True} if one["t"] == "file" else one for one in messages)
+        messages = tuple(replace(one, scene=True) if isinstance(one, FileMessage) else one for one in messages)
         elements = (*elements, element("scene3d", "text/plain", compressed(scene.encode())))
     elif scene:
         note = f"The 3D view is left out: it takes {len(scene) / 1e6:.0f} MB."
     with atomic(out) as part:
         part.write_text(bundle(messages, run.answers, elements, run.title), encoding="utf-8", errors="replace")
     return note
-
-
-def command_path(path: Path) -> str:
-    """Return a path as a command has it; of one that names places on this machine the last part."""
-    return path.name if path.is_absolute() else str(path)
 
 
 def opened(path: Path, frame: str | None = None) -> Debugger:
@@ -208,56 +209,59 @@ def shared(
     for _ in debugger.work_out(objects):
         progress.checkpoint("Working out what the verdict may say.")
     known = [_portable(message) for message in debugger.known(blobs)]
-    frame, branches, *rest = known
-    runs = {message["branch"]: message for message in rest if message["t"] == "run"}
-    verdicts = {message["branch"]: message for message in rest if message["t"] == "verdict"}
+    frame = next(message for message in known if isinstance(message, FrameMessage))
+    branches = next(message for message in known if isinstance(message, BranchesMessage))
+    runs = {message.branch: message for message in known if isinstance(message, RunMessage)}
+    verdicts = {message.branch: message for message in known if isinstance(message, VerdictMessage)}
     wants: dict[bytes, Json] = {}
-    for branch in branches["list"]:
-        index = branch["index"]
-        asked = _wants(frame, branch, runs[index], verdicts.get(index), maps, objects)
-        wants |= {p.encoded(of): of for of in asked}
-    if branches["compare"]:
-        a, b = branches["compare"]["a"], branches["compare"]["b"]
-        done = [len(runs[index]["rows"]) for index in (a, b)]
+    for branch in branches.list:
+        asked = SharedBranch(frame, branch, runs[branch.index], verdicts.get(branch.index), maps, objects)
+        wants |= {p.encoded(of): of for of in asked.wants()}
+    if branches.compare is not None:
+        a, b = branches.compare.a, branches.compare.b
+        done = [len(runs[index].rows) for index in (a, b)]
         wants[b"compare"] = {"what": "compare", "a": a, "b": b, "done": done}
     answers = []
     for k, of in enumerate(wants.values()):
         progress.checkpoint("Working out what the file shows.", k / len(wants))
         answers.append((of, _answer(space, of, blobs)))
-    file = {"t": "file", "command": command, "maps": maps, "scene": False}
-    hello = {"t": "hello", "window": 0, "version": __version__}
-    return SharedRun(frame["title"], (hello, file, *known), tuple(answers), tuple(blobs.elements))
+    file = FileMessage(command, maps, scene=False)
+    return SharedRun(frame.title, (hello(0), file, *known), tuple(answers), tuple(blobs.elements))
 
 
 def end_scene(debugger: PageState) -> str:
     """Return the 3D view of the end of the first branch as a page of its own."""
     from verefine_viz.page.scene3d.scene import Scene3D
+    from verefine_viz.page.scene3d.view_content import look_at_end
     from verefine_viz.page.scene3d.viser_server import Viser3DServer
 
     branch = debugger.space.work.first
     server = Viser3DServer()
     try:
         scene = Scene3D(server, lambda *what: None)
-        scene.show(debugger.space, p.Look(branch.index, k=branch.run.length, answer=branch.is_over))
+        scene.show(debugger.space, look_at_end(branch))
         return scene.page()
     finally:
         server.stop()
 
 
-def _portable(message: Json) -> Json:
+def _portable(message: OpenMessage) -> OpenMessage:
     """Return a message without what names places on this machine."""
-    message = msgspec.json.decode(p.encoded(message))
-    if message["t"] == "frame":
-        message |= {name: message[name] and Path(message[name]).name for name in ("session_file", "recording")}
-        message |= {"frames": [message["frame"]], "demos": [], "sessions": [], "run": ""}
-        message["dataset"] = Path(message["dataset"]).name
-    if message["t"] == "branches":
-        for branch in message["list"]:
-            branch["recording"] = branch["recording"] and Path(branch["recording"]).name
+    if isinstance(message, FrameMessage):
+        return replace(
+            message,
+            session_file=message.session_file and Path(message.session_file).name,
+            recording=message.recording and Path(message.recording).name,
+            dataset=Path(message.dataset).name,
+            frames=[message.frame], demos=(), sessions=(), run="",
+        )  # fmt: skip
+    if isinstance(message, BranchesMessage):
+        listed = [replace(one, recording=one.recording and Path(one.recording).name) for one in message.list]
+        return replace(message, list=listed)
     return message
 
 
-def _answer(space: Workspace, of: Json, blobs: InlinedBlobs) -> Json:
+def _answer(space: Workspace, of: Json, blobs: InlinedBlobs) -> AnyAnswer:
     want = msgspec.convert(of, p.AnyWant)
     try:
         if not isinstance(want, p.MapsWanted | p.ShadedWanted):
@@ -265,103 +269,28 @@ def _answer(space: Workspace, of: Json, blobs: InlinedBlobs) -> Json:
         exact = Blobs()
         answer = ANSWERS[type(want)](space, want, exact)
     except VerefineError as error:
-        return {"gone": str(error)}
-    if isinstance(want, p.MapsWanted):
-        return answer | _rounded(exact.data(answer["blob"]), answer["arrays"], blobs)
-    if answer["url"] is None:
+        return GoneAnswer(str(error))
+    if isinstance(answer, MapsAnswer):
+        stored = [one for one in answer.arrays if answer.scale.colour_weight > 0 or one.name not in OF_COLOUR]
+        blob, arrays = _rounded(exact.data(answer.blob), stored, blobs)
+        return replace(answer, blob=blob, arrays=arrays)
+    if not isinstance(answer, ShadedAnswer) or answer.url is None:
         return answer
-    small = webp(exact.data(answer["url"].removeprefix("/blob/")), quality=SHADED_QUALITY)
-    return answer | {"url": f"/blob/{blobs.put(small, 'image/webp')}"}
+    small = webp(exact.data(answer.url.removeprefix("/blob/")), quality=SHADED_QUALITY)
+    return replace(answer, url=f"/blob/{blobs.put(small, 'image/webp')}")
 
 
-def _rounded(data: bytes, arrays: Sequence[Sequence[Any]], blobs: InlinedBlobs) -> Json:
-    """Return maps with the digits that the page shows, which take a fourth of the room."""
-    content, table = bytearray(), []
-    for name, kind, offset, n in arrays:
-        values, step = np.frombuffer(data, kind, n, offset), None
-        if name in STEPS:
-            least, small = STEPS[name]
+def _rounded(data: bytes, arrays: Sequence[StoredArray], blobs: InlinedBlobs) -> tuple[str, list[StoredArray]]:
+    """Return the blob, and its arrays, of maps with the digits that the page shows, which take a fourth of the room."""
+    content, table = bytearray(), list[StoredArray]()
+    for one in arrays:
+        values, step = np.frombuffer(data, one.dtype, one.n, one.offset), None
+        if one.name in STEPS:
+            least, small = STEPS[one.name]
             no_value = np.iinfo(small).max
             step = max(least, float(np.nanmax(np.abs(values), initial=0.0)) / (no_value - 1))
             values = np.where(np.isfinite(values), np.round(values / step), no_value).astype(small)
-        table.append([name, values.dtype.name, len(content), n, step])
+        table.append(StoredArray(one.name, values.dtype.name, len(content), one.n, step))
         content += values.tobytes()
         content += bytes(-len(content) % ALIGNED)
-    return {"blob": blobs.put(bytes(content)), "arrays": table}
-
-
-def _wants(
-    frame: Json, branch: Json, run: Json, verdict: Json | None, maps: WithMaps, only: Collection[int] | None
-) -> Iterator[Json]:
-    """Return what the page may ask of a branch: at its end, at its beginning, and at the iterations to look at."""
-    index, rows, n = branch["index"], run["rows"], len(run["rows"])
-    objects = [o for o in frame["objects"] if not o["left_out"]]
-    focus = {o["id"] for o in objects if only is None or o["id"] in only}
-    starts = {o["id"]: (run["start"] or {}).get(str(o["id"]), o["arms"]) for o in objects}
-    truths = {o["id"]: o["gt"] for o in objects if o["gt"]}
-    results = {o["obj"]: o for o in verdict["objects"]} if verdict else {}
-
-    def scored(k: int) -> int:
-        """The first iteration that is scored like iteration k."""
-        return 1 + max((after for after in branch["scored"] if after < max(k, 1)), default=0)
-
-    def posed(k: int, obj: int, *poses: Sequence[float] | None) -> Iterator[Json]:
-        for T in poses:
-            if T is not None:
-                yield {"what": "maps", "branch": index, "k": scored(k), "obj": obj, "T": T}
-                yield {"what": "shaded", "obj": obj, "T": T}
-
-    ks = {k for o in results.values() for k in (o["k"], *(finding["k"] for finding in o["findings"]))}
-    if maps == "marked":
-        ks |= {mark["k"] for mark in run["marks"] if mark["tone"] != "switched"}  # Which may be at each iteration.
-    for row in rows:
-        if row["obj"] in focus and (maps == "all" or row["k"] in ks):
-            k, obj = row["k"], row["obj"]
-            stages = [stage["T"] for stage in row["stages"]]
-            yield from posed(k, obj, *stages, row["best"]["T"], starts[obj][row["arm"]]["T"], truths.get(obj))
-            yield {"what": "physics", "branch": index, "k": k, "obj": obj, "answer": False, "edited": None}
-            if any(stage["name"] == "refined" for stage in row["stages"]):
-                yield {"what": "crops", "branch": index, "k": k, "obj": obj}
-    answers: dict[int, list[float]] = {}
-    for obj, arms in starts.items():
-        of = {"branch": index, "k": n, "obj": obj}
-        yield {"what": "outlines", "obj": obj, "poses": _all_poses(obj, rows, arms, truths.get(obj), results.get(obj))}
-        if obj not in focus:
-            continue
-        if maps != "end":
-            yield from posed(0, obj, truths.get(obj), *(arm["T"] for arm in arms))
-        result = results.get(obj)
-        if result is None or result["T"] is None:
-            continue
-        answers[obj] = result["T"]
-        runner_up = result["runner_up"] and result["runner_up"]["T"]
-        yield from posed(result["k"], obj, result["T"])
-        yield from posed(n, obj, truths.get(obj), arms[result["arm"]]["T"], runner_up, result["T"])
-        yield {"what": "physics", **of, "answer": True, "edited": None}
-        yield {"what": "landscape", **of, "part": "curves"}
-        yield {"what": "landscape", **of, "part": "slice", "axes": [5, 0]}
-        yield {"what": "landscape", **of, "part": "other"}
-        yield {"what": "crops", **of}
-        yield {"what": "recorded", "branch": index, "obj": obj, "done": n}
-        yield {"what": "track", "obj": obj, "done": True}
-    if only is None and len(objects) > 1:
-        for poses in (answers, answers | truths if truths else {}):
-            if poses:
-                shown = [[o["id"], poses[o["id"]]] for o in objects if o["id"] in poses]
-                yield {"what": "maps", "branch": index, "k": scored(n), "obj": None, "poses": shown}
-
-
-def _all_poses(
-    obj: int, rows: Sequence[Json], arms: Sequence[Json], truth: list[float] | None, result: Json | None
-) -> list[list[float]]:
-    """Return every pose of an object that a run has, once each."""
-    poses = [arm["T"] for arm in arms] + [truth]
-    for row in rows:
-        poses += [one["T"] for one in row["placed"] if one["obj"] == obj]
-        if row["obj"] == obj:
-            poses += [stage["T"] for stage in row["stages"]]
-            poses += [row["best"]["T"], *(arm["T"] for arm in row["arms"])]
-    if result is not None:
-        poses += [result["T"], result["also_fits"], result["runner_up"] and result["runner_up"]["T"]]
-    unique: Mapping[tuple[float, ...], list[float]] = {tuple(T): T for T in poses if T is not None}
-    return list(unique.values())
+    return blobs.put(bytes(content)), table

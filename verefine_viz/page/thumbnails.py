@@ -1,4 +1,4 @@
-"""Small pictures of answers, made on a thread of their own when a browser asks for them."""
+"""Small pictures, made on a thread of their own when a browser asks for them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import Generic, TypeVar
 
 from msgspec import structs
 
@@ -23,24 +24,26 @@ WIDTH_PX = 320
 """Width of a picture; 5 to 12 kB each."""
 _MOST_PICTURES = 4000
 _MOST_FRAMES = 6
+K = TypeVar("K")
+"""What a picture is of."""
 
 
-class Thumbnails:
-    """Pictures by answer.
+class Thumbnails(Generic[K]):
+    """Pictures by answer, or by whatever else is drawn.
 
     Args:
         draw: makes one, as WebP; empty where it cannot.
     """
 
-    def __init__(self, draw: Callable[[GalleryEntry], bytes]) -> None:
+    def __init__(self, draw: Callable[[K], bytes]) -> None:
         self._draw = draw
-        self._pictures: OrderedDict[GalleryEntry, Future[bytes]] = OrderedDict()
-        self._wanted: list[GalleryEntry] = []
+        self._pictures: OrderedDict[K, Future[bytes]] = OrderedDict()
+        self._wanted: list[K] = []
         self._wake = threading.Condition()
         self._stopping = False
         self._thread: threading.Thread | None = None
 
-    def ask(self, entry: GalleryEntry) -> Future[bytes]:
+    def ask(self, entry: K) -> Future[bytes]:
         """Return the picture, once it is made; what was asked for last is made first. Empty = there is none."""
         with self._wake:
             if entry not in self._pictures:
@@ -73,13 +76,13 @@ class Thumbnails:
             if picture is not None:
                 picture.set_result(self._drawn(entry))
 
-    def _drawn(self, entry: GalleryEntry) -> bytes:
+    def _drawn(self, entry: K) -> bytes:
         try:
             return self._draw(entry)
         except VerefineError as error:  # Its images may be gone: the words remain.
-            _LOG.info("no picture of %s: %s", entry.row.frame, error)
+            _LOG.info("no picture of %s: %s", entry, error)
         except Exception:
-            _LOG.exception("no picture of %s", entry.row.frame)
+            _LOG.exception("no picture of %s", entry)
         return b""
 
 

@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-import msgspec
 from msgspec.structs import replace
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.writing import expand_home
 from verefine_viz.page import protocol as p
+from verefine_viz.page.answers_to_wants import AnswerMessage
 from verefine_viz.page.branch import Branch
+from verefine_viz.page.frame_messages import BreakpointsMessage
+from verefine_viz.page.frame_objects import labels_of, state_of
 from verefine_viz.page.gallery import open_gallery
-from verefine_viz.page.moment import labels_of, pose_matrix, state_of
+from verefine_viz.page.label_verbs import HANDLERS as LABEL_HANDLERS
+from verefine_viz.page.messages import Scene3DMessage, ViewMessage, ViewPatch
 from verefine_viz.page.opening import open_other
 from verefine_viz.page.page_state import Goal, PageState
-from verefine_viz.page.protocol import AnyVerb
+from verefine_viz.page.protocol import AnyVerb, pose_matrix
 from verefine_viz.page.reorder import reordered
 from verefine_viz.page.views.gallery_answers import answers_message
 from verefine_viz.page.wants import ANSWERS
@@ -26,11 +29,14 @@ from verefine_viz.scenes.hypothesis_pool import asked_estimators
 
 SOURCES = {"results": "the results files", "perturb": "the disturbed ground truth"}
 """What the page calls where initial poses come from; estimators have their names."""
-_NOT_LOGGED = (p.Look, p.Want, p.RunVerb, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag)
+_NOT_LOGGED = (
+    p.Look, p.Want, p.RunVerb, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag,
+    p.Place, p.Find, p.Snap, p.Decide, p.UndoLabel, p.Carry, p.Export,
+)  # fmt: skip
 """Verbs that change no record; how far a run came is logged where it stops."""
 
 
-_NEW_RUNS = (p.Restart, p.Open, p.Order, p.Estimate)
+_NEW_RUNS = (p.Restart, p.Open, p.Order, p.Estimate, p.Place, p.Find, p.Snap, p.UndoLabel, p.Carry)
 """Verbs after which other runs are there: what is computed ends before them."""
 
 
@@ -68,7 +74,7 @@ class Debugger(PageState):
 
 def _log_entry(verb: AnyVerb) -> AnyVerb:
     """Return a verb without the run that it starts: how far that came is logged by itself."""
-    return replace(verb, run=False) if isinstance(verb, (p.Fork, p.Compare)) else verb
+    return replace(verb, run=False) if isinstance(verb, (p.Restart, p.Fork, p.Refine, p.Compare)) else verb
 
 
 # Moving on
@@ -77,7 +83,7 @@ def _log_entry(verb: AnyVerb) -> AnyVerb:
 def _look(d: PageState, verb: p.Look, window: int | None) -> None:
     if window != d.look_window:
         d.look_window = window
-        d.post({"t": "scene3d", "window": window}, None)
+        d.post(Scene3DMessage(window), None)
     d.look, d.space.work.looked_at = verb, verb.branch
     d.on_look()
 
@@ -105,7 +111,7 @@ def _pause(d: PageState, verb: p.Pause | p.Cancel, window: int | None) -> None:
 
 def _break(d: PageState, verb: p.Break, window: int | None) -> None:
     d.space.breakpoints = with_changes(d.space.breakpoints, verb.changes.items())
-    d.post({"t": "breakpoints", "breakpoints": msgspec.to_builtins(d.space.breakpoints)}, None)
+    d.post(BreakpointsMessage(d.space.breakpoints), None)
 
 
 # Branches
@@ -121,6 +127,8 @@ def _restart(d: PageState, verb: p.Restart, window: int | None) -> None:
         d.say("The settings changed on the way now hold from iteration 1 on.")
     if lost:
         d.say(f"{lost} edited pose{'s are' if lost > 1 else ' is'} not moved again.")
+    if verb.run:
+        d.compute(Goal(d.space.work.first))
 
 
 def _check_nothing_is_lost(d: PageState, branch: Branch, verb: p.Restart | p.Order) -> None:
@@ -142,7 +150,7 @@ def _fork(d: PageState, verb: p.Fork, window: int | None) -> None:
     branch = d.space.fork(old, k, verb.changes, moved)
     d.send_branches()
     d.send_rows(branch)
-    d.post({"t": "view", "patch": {"branch": branch.index, "k": branch.run.length, "edited": None}}, window)
+    d.post(ViewMessage(ViewPatch(branch=branch.index, k=branch.run.length, edited=None)), window)
     if verb.run and not branch.run.is_done:
         d.compute(Goal(branch))
     elif branch.run.is_done:
@@ -153,15 +161,26 @@ def _check_goes_on(old: Branch, k: int, edit: tuple[int, int, Float]) -> None:
     """Check that a branch would go on from an edited pose.
 
     Raises:
-        InputError: no iteration is left for the object.
+        UnconfirmedError: no iteration is left for the object.
     """
     tried, own = old.run.fork(k, edit=edit), edit[0]
     if not state_of(tried.state, old.run.problem.target(own)).edited_arms:
         label = labels_of(old.run.problem)[own]
-        raise InputError(
-            f"no iteration is left for {label} at iteration {k}, so nothing can go on from the edited pose; "
-            "go back on the timeline, then edit"
-        )
+        refine = p.Refine(own, tuple(edit[2].ravel().tolist()), k, old.index)
+        text = f"no iteration is left for {label} at iteration {k}, so nothing can go on from the edited pose"
+        raise p.UnconfirmedError(text, "Refine this pose", refine)
+
+
+def _refine(d: PageState, verb: p.Refine, window: int | None) -> None:
+    old = d.space.branch(verb.branch)
+    old.run.problem.target(verb.obj)  # InputError where there is none.
+    label, T_cam_obj = labels_of(old.run.problem)[verb.obj], pose_matrix(verb.T)
+    branch = d.space.refine(old, min(verb.k, old.run.length), verb.obj, T_cam_obj, f"{label} from an edited pose")
+    d.send_branches()
+    d.send_rows(branch)
+    d.post(ViewMessage(ViewPatch(branch=branch.index, k=0, obj=verb.obj, edited=None)), window)
+    if verb.run:
+        d.compute(Goal(branch))
 
 
 def _branch(d: PageState, verb: p.BranchVerb, window: int | None) -> None:
@@ -207,7 +226,7 @@ def _estimate(d: PageState, verb: p.Estimate, window: int | None) -> None:
     new = space.estimate(branch, instance_id, verb.estimator, f"{label} from {SOURCES.get(now, now)}")
     n = len(new.run.problem.target(instance_id).instance.hypotheses)
     d.send_frame()
-    d.post({"t": "view", "patch": {"branch": new.index, "k": 0, "obj": instance_id}}, None)
+    d.post(ViewMessage(ViewPatch(branch=new.index, k=0, obj=instance_id)), None)
     d.say(f"{label} now has {n} initial pose{'s' if n != 1 else ''}; the run before is still there as a branch.")
 
 
@@ -221,8 +240,7 @@ def _order(d: PageState, verb: p.Order, window: int | None) -> None:
 
 
 def _want(d: PageState, verb: p.Want, window: int | None) -> None:
-    answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
-    d.post({"t": "answer", "id": verb.id, **answer}, window)
+    d.post(AnswerMessage(verb.id, ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)), window)
     if isinstance(verb.of, p.PhysicsWanted) and window == d.look_window:
         d.on_look()  # Overlaps and supports are known now.
 
@@ -230,15 +248,13 @@ def _want(d: PageState, verb: p.Want, window: int | None) -> None:
 def _evaluate(d: PageState, verb: p.Evaluate, window: int | None) -> None:
     from verefine_viz.page.views.grasp import grasp
 
-    answer = grasp(d.space, verb, d.blobs, d.progress)
-    d.post({"t": "answer", "id": verb.id, **answer}, window)
+    d.post(AnswerMessage(verb.id, grasp(d.space, verb, d.blobs, d.progress)), window)
 
 
 def _save(d: PageState, verb: p.Save, window: int | None) -> None:
     if d.write is None:
         raise InputError("nothing can be written here")
-    written = d.write(d, verb)
-    d.post({"t": "written", **written}, window)
+    d.post(d.write(d, verb), window)
 
 
 def _tag(d: PageState, verb: p.Tag, window: int | None) -> None:
@@ -257,6 +273,7 @@ HANDLERS: dict[type, Callable[[PageState, Any, int | None], None]] = {
     p.Break: _break,
     p.Restart: _restart,
     p.Fork: _fork,
+    p.Refine: _refine,
     p.BranchVerb: _branch,
     p.Compare: _compare,
     p.Estimate: _estimate,
@@ -266,4 +283,5 @@ HANDLERS: dict[type, Callable[[PageState, Any, int | None], None]] = {
     p.Evaluate: _evaluate,
     p.Save: _save,
     p.Tag: _tag,
+    **LABEL_HANDLERS,
 }

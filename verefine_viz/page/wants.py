@@ -1,28 +1,40 @@
-"""Which view answers which want: functions ``(space, want, blobs) -> dict``."""
+"""Which view answers which want: functions ``(space, want, blobs) -> answer``, handed what draws for them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from functools import partial
 
+from verefine_viz.calibration.edges import depth_edges
 from verefine_viz.page import protocol as p
+from verefine_viz.page.answers_to_wants import AnyAnswer
 from verefine_viz.page.views.comparison import comparison
 from verefine_viz.page.views.crops import crops
+from verefine_viz.page.views.doubt_picture import doubt
 from verefine_viz.page.views.object_track import track
 from verefine_viz.page.views.physics import physics
 from verefine_viz.page.views.pixel_maps import maps
+from verefine_viz.page.views.pixel_point import point
 from verefine_viz.page.views.pose_outlines import outlines
 from verefine_viz.page.views.recorded_poses import recorded
+from verefine_viz.page.views.refined_here import refined_here
 from verefine_viz.page.views.score_landscape import landscape
 from verefine_viz.page.views.shaded_model import shaded
+from verefine_viz.pictures.shaded_models import shaded_picture
+from verefine_viz.pictures.silhouettes import outline
+from verefine_viz.pictures.surface_distances import point_distance
+from verefine_viz.run.refined_pose import refined_pose
 
-ANSWERS: dict[type, Callable[..., dict[str, Any]]] = {
+ANSWERS: dict[type, Callable[..., AnyAnswer]] = {
     p.ComparisonWanted: comparison,
     p.LandscapeWanted: landscape,
     p.MapsWanted: maps,
-    p.OutlinesWanted: outlines,
+    p.OutlinesWanted: partial(outlines, outline_of=outline),
     p.PhysicsWanted: physics,
-    p.ShadedWanted: shaded,
+    p.PointWanted: partial(point, distance_of=point_distance),
+    p.RefinedWanted: partial(refined_here, refined_of=refined_pose),
+    p.DoubtWanted: partial(doubt, outline_of=outline, edges_of=depth_edges),
+    p.ShadedWanted: partial(shaded, picture_of=shaded_picture),
     p.CropsWanted: crops,
     p.TrackWanted: track,
     p.RecordedWanted: recorded,

@@ -15,7 +15,9 @@ from msgspec.structs import replace
 
 from verefine_viz.core.errors import Cancelled, InputError, VerefineError
 from verefine_viz.core.progress_token import ProgressToken
-from verefine_viz.page.protocol import AnyVerb, Cancel, Look, Open, Want
+from verefine_viz.page.answers_to_wants import AnswerMessage, GoneAnswer
+from verefine_viz.page.messages import AnyMessage, BusyMessage, ErrorMessage, NoteMessage, OfferedVerb
+from verefine_viz.page.protocol import AnyVerb, Cancel, Look, Open, UnconfirmedError, Want
 from verefine_viz.physics.decomposition import PARTS_OF
 from verefine_viz.run.kernel_compilation import COMPILING, compiling_reported
 
@@ -66,11 +68,19 @@ class Jobs:
                 self._wants.pop(slot, None)
                 self._wants[slot] = verb
             elif isinstance(verb, Look):
-                self._look = job
+                self._look = self._with_camera(job, verb)
             else:
                 self._verbs.append(job)
             self._is_idle = self._is_idle and not self._waits
             self._wake.notify_all()
+
+    def _with_camera(self, job: Job, look: Look) -> Job:
+        """Return a look that goes before the one that waits, and takes the camera where that would have."""
+        before = self._look
+        if before is None or before.window != job.window or look.camera is not None:
+            return job
+        assert isinstance(before.verb, Look)
+        return Job(job.window, replace(look, camera=before.verb.camera))
 
     def take(self, wait: bool) -> Job | None:
         """Return the next job: verbs, then wants, then the last look; None where there is none, or at the end.
@@ -173,7 +183,7 @@ class Handler(Protocol):
         ...
 
 
-Post = Callable[[dict, int | None], None]
+Post = Callable[[AnyMessage, int | None], None]
 """Sends a message to a window; None = to all."""
 
 
@@ -204,13 +214,12 @@ class Worker:
             return
         self._text, self._reported_at = text or self._text, now
         jobs, hulls = self._jobs, self._jobs.offers_hulls and PARTS_OF in self._text
-        busy = {"text": self._text, "share": share, "cancel": jobs.can_cancel, "hulls": hulls, "picture": self.picture}
-        self._post({"t": "busy", **busy}, None)
+        self._post(BusyMessage(self._text, share, jobs.can_cancel, hulls, self.picture), None)
 
     def _idle(self) -> None:
         if self._text:
             self._text = ""
-            self._post({"t": "busy", "text": "", "share": None, "cancel": False}, None)
+            self._post(BusyMessage(""), None)
 
     # The thread
 
@@ -226,7 +235,7 @@ class Worker:
                 if not isinstance(self.failure, VerefineError):
                     _LOG.exception("the session could not be opened")
                 text = f"This cannot be opened: {self.failure}"
-                self._post({"t": "busy", "text": text, "share": None, "cancel": False}, None)
+                self._post(BusyMessage(text), None)
                 return
             finally:
                 self.ready.set()
@@ -271,17 +280,18 @@ class Worker:
                 do()
         except Cancelled:
             self.handler.pause()
-            self._post({"t": "note", "text": "Cancelled: everything is as it was before."}, window)
+            self._post(NoteMessage("Cancelled: everything is as it was before."), window)
         except Exception as error:
             text = str(error)
             if not isinstance(error, VerefineError):
                 _LOG.exception("%s failed", type(verb).__name__ if verb is not None else "computing")
                 text = unforeseen(error)
             if isinstance(verb, Want):
-                self._post({"t": "answer", "id": verb.id, "gone": text}, window)
+                self._post(AnswerMessage(verb.id, GoneAnswer(text)), window)
             else:
                 self.handler.pause()
-                self._post({"t": "error", "text": text, "offer": getattr(error, "offer", None)}, window)
+                offer = OfferedVerb(error.words, error.verb) if isinstance(error, UnconfirmedError) else None
+                self._post(ErrorMessage(text, offer), window)
         self._idle()
 
     def _later(self) -> bool:

@@ -14,27 +14,32 @@ from msgspec import structs
 from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.records import Best
-from verefine_viz.core.settings import SURROUNDINGS, Change, Session
+from verefine_viz.core.settings import LABELLED, SURROUNDINGS, Change, Session
 from verefine_viz.core.text_format import first_of
 from verefine_viz.estimators.registry import ESTIMATORS
-from verefine_viz.page.branch import Branch, Settings, group_by_section, merged, sorted_changes
+from verefine_viz.methods.known_methods import method_of
+from verefine_viz.page.branch import Branch, Settings, group_by_section, merged
+from verefine_viz.page.data_check import DataCheck
 from verefine_viz.page.evaluator import CachedEvaluator
 from verefine_viz.page.grasp_trials import GraspTrials
 from verefine_viz.page.saved_session import Saved, edits_of_all
 from verefine_viz.run.engine import Run
-from verefine_viz.run.record import RunRecord, session_of
+from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import read_run_file
-from verefine_viz.run.session_file import changed
+from verefine_viz.run.run_header import session_of
+from verefine_viz.run.session_file import WITH_ITS_DATA, changed
 from verefine_viz.run.session_parts import estimators_of
+from verefine_viz.run.start_poses import starts_after, with_starts
 from verefine_viz.run.track import with_its_tracked
-from verefine_viz.run.variants import settings_between, variant
+from verefine_viz.run.variants import settings_between, sorted_changes, variant
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
+from verefine_viz.scenes.recorded_source import RecordedPose, RecordedSource
 
 if TYPE_CHECKING:
+    from verefine_viz.labels.desk import LabelDesk
     from verefine_viz.run.toolbox import Toolbox
 
 HULLS = {"physics": {"collider": "hull"}}
@@ -100,7 +105,6 @@ class Workspace:
         frame: what to open first of it; None = its first.
         records: where frames of it lie that were solved before.
         recording: a recorded run that is opened in place of ``session``.
-        seen: gets what the camera saw of a frame, before its models are prepared.
     """
 
     def __init__(
@@ -113,15 +117,14 @@ class Workspace:
         frame: str | None = None,
         records: Records = no_records,
         recording: Path | None = None,
-        seen: Callable[[Observation], None] = lambda observation: None,
     ) -> None:
         self.make_tools = make_tools
         self.progress = progress
-        self._seen = seen
         self._checks = checks or Checks()
         self._numbers = count()
         self._opened = count(1)
         self.grasps = GraspTrials()
+        self._desk: LabelDesk | None = None
         self.batch: Path | None = None
         """Folder of the batch run whose answers are shown; None = no batch is open."""
         if recording is not None:
@@ -145,6 +148,10 @@ class Workspace:
         named = frame if frame is not None else next((e.frame for e in session.edits if e.frame in frames), None)
         candidates = frames[:MOST_TRIED] if named is None else (named,)
         first, work = self._first_readable(tools, candidates, records)
+        desk = self._desk_of(tools)
+        if self._desk is not None and desk is not self._desk:
+            self._desk.close()
+        self._desk = desk
         self.tools, self.path, self.frames, self.records = tools, path, frames, records
         self.files: dict[Path, Saved] = {} if path is None else {path.resolve(): Saved(session)}
         """Files that hold the open session, as it was when it was read or written, the latest last."""
@@ -174,6 +181,44 @@ class Workspace:
         self.tools, self.path, self.frames, self.files, self.records = tools, None, (frame,), {}, no_records
         self.breakpoints = session.breakpoints
         self._works = {frame: FrameWork({branch.index: branch})}
+        self._switch(frame)
+
+    def close(self) -> None:
+        """Let other programs label the folder."""
+        if self._desk is not None:
+            self._desk.close()
+
+    @property
+    def is_labelling(self) -> bool:
+        """Whether frames are open to be labelled."""
+        return self.tools.session.scene.source == LABELLED
+
+    @property
+    def desk(self) -> LabelDesk:
+        """The labels of the open folder.
+
+        Raises:
+            InputError: it is not open to be labelled.
+        """
+        if self._desk is None:
+            raise InputError("no frames are open to be labelled; open some by verefine-viz label FOLDER")
+        return self._desk
+
+    def _desk_of(self, tools: Toolbox) -> LabelDesk | None:
+        """The labels that tools are open on; those that are open already stay so."""
+        from verefine_viz.labels.desk import LabelDesk
+
+        scene, desk = tools.session.scene, self._desk
+        if scene.source != LABELLED:
+            return None
+        if desk is None or desk.file != Path(scene.labels):
+            return LabelDesk(tools, self.progress)
+        desk.use(tools)
+        return desk
+
+    def show_labelled(self, frame: str) -> None:
+        """Open a frame whose labels changed, as those of others may have: runs on them are over."""
+        self._works = {frame: self._begin(self.tools, self._read(self.tools, frame))}
         self._switch(frame)
 
     def _switch(self, frame: str) -> None:
@@ -236,6 +281,11 @@ class Workspace:
         """Return by frame the score of the answer for an object, where a run was finished."""
         return {frame: best.score.score for frame, (_, best) in self.solved(obj_id).items()}
 
+    def recorded_track(self, obj_id: int) -> tuple[RecordedPose, ...]:
+        """Return the poses of an object that another program recorded, frame by frame; none where no program did."""
+        source = getattr(self.tools, "source", None)
+        return source.tracks.get(obj_id, ()) if isinstance(source, RecordedSource) else ()
+
     def session_of(self, branch: Branch) -> Session:
         """Return what a session file has to say to repeat a branch, with the poses moved in other frames."""
         edits = edits_of_all(branch, self.others_of(branch), is_only_frame=len(self.frames) == 1)
@@ -246,25 +296,28 @@ class Workspace:
     def restart(self, branch: Branch, settings: Settings) -> None:
         """Begin before iteration 1 again, with the settings that a branch ends up with, changed if any.
 
-        Other branches, edited poses and settings changed on the way are discarded. New initial poses
-        (``hypotheses.*``) open the session again.
+        Other branches, edited poses and settings changed on the way are discarded. Other data (``data.*``) or initial
+        poses (``hypotheses.*``) open the session again.
         """
         new, old = group_by_section(settings), branch.tools
         ended = [change.settings for change in sorted_changes(branch.changes)]
-        pool = new.pop("hypotheses", None)
-        if pool:
+        read = {section: new.pop(section) for section in WITH_ITS_DATA if section in new}
+        if read:
             tools = old.restarted(merged((*ended, new)))
-            session = changed(tools.session, {"hypotheses": pool}, ("hypotheses",))
+            session = changed(tools.session, read, WITH_ITS_DATA)
             files = self.files
-            self.open(structs.replace(session, breakpoints=self.breakpoints), self.path, self.frame)
+            starts = () if "hypotheses" in read else self.work.first.tools.session.starts
+            session = structs.replace(session, breakpoints=self.breakpoints, starts=starts)
+            self.open(session, self.path, self.frame)
             self.files = files
             return
-        same = not new and not old.session.edits and not old.session.changes
-        tools = old if same else old.restarted(merged((*ended, new)))
+        starts = self.work.first.tools.session.starts
+        same = not new and not old.session.edits and not old.session.changes and old.session.starts == starts
+        tools = old if same else old.restarted(merged((*ended, new)), starts)
         problem = tools.ordered(self.problem) if "dependency" in new else self.problem
         if any(name in SURROUNDINGS for name in new.get("physics", ())):
             problem = tools.surrounded(problem)
-        work = self._begin(tools, problem)
+        work = self._begin(tools, problem, self.work.first.data)
         if tools is not self.tools:  # The other frames were run with other settings.
             self._works, self.records = {}, no_records
         self.tools, self._works[self.frame] = tools, work
@@ -305,21 +358,37 @@ class Workspace:
         if "score" in new:
             evaluators = (*(evaluators if k else ()), (k, self._evaluator(tools)))
         name = _name(k, settings, edit)
-        return self._add(Branch(next(self._numbers), name, run, tools, old.start, on_the_way, evaluators, old.index, k))
+        number, start = next(self._numbers), old.start
+        return self._add(Branch(number, name, run, tools, old.data, start, on_the_way, evaluators, old.index, k))
+
+    def refine(self, old: Branch, k: int, instance_id: int, T_cam_obj: Float, name: str) -> Branch:
+        """Begin a branch in which a pose is the only hypothesis of its object, with the settings that ``old`` ends up
+        with; objects that were worked on up to iteration ``k`` begin where they stand.
+
+        A method that repeats recorded steps has none for the pose, so SIR takes its place.
+        """
+        problem, ended = old.run.problem, [change.settings for change in sorted_changes(old.changes)]
+        here = starts_after(old.run, k, instance_id, T_cam_obj)
+        elsewhere = (one for one in old.tools.session.starts if one.frame != problem.frame)
+        tools = old.tools.restarted(merged(ended), (*elsewhere, *here))
+        if method_of(tools.session.method.name).repeats:
+            tools = tools.changed({"method": {"name": "sir"}})
+        return self._add(self._new(name, tools, with_starts(problem, here), old.data))
 
     def begin_beside(self, base: Branch, settings: Settings) -> Branch:
         """Begin a branch from the start of the open frame, with the settings of another branch and ``settings``."""
         session = variant(base.tools.session, tuple(settings.items()))
         tools = self._tools_like(base.tools, session)
         between = settings_between(base.tools.session, session)
-        problem = base.run.problem
+        problem, data = base.run.problem, base.data
         if any(name in _WORLD for name, _, _ in between):
             problem = tools.surrounded(problem)
         if {name.partition(".")[0] for name, _, _ in between} & _START:
             ids = {i.instance_id for i in problem.instances}
             problem = tools.problem(self.frame)
             problem = problem.only([i.instance_id for i in problem.instances if i.instance_id in ids])
-        return self._add(self._new(_listed(settings) or "same settings", tools, problem))
+            data = DataCheck(problem)
+        return self._add(self._new(_listed(settings) or "same settings", tools, problem, data))
 
     def recorded(self, path: Path) -> Branch:
         """Read a recorded run of the open frame as a branch.
@@ -382,12 +451,7 @@ class Workspace:
         raise faults[0][1]
 
     def _read(self, tools: Toolbox, frame: str) -> Problem:
-        """Read a frame, and check whether its camera and its models look right; a batch has no time for that."""
-        from verefine_viz.calibration.consistency import data_doubts  # Loads what draws models.
-
-        problem = tools.problem(frame)
-        self._seen(problem.observation)
-        return replace(problem, doubts=data_doubts(problem))
+        return tools.problem(frame)
 
     def _recorded_problem(self, record: RunRecord, tools: Toolbox) -> Problem:
         """Read the frame of a record; with the initial poses of the record where their estimator is not there."""
@@ -406,20 +470,23 @@ class Workspace:
         folder = path.parent.parent if path.parent.name == "runs" else path.parent
         name = f"{folder.name}/{path.name}".removeprefix("/")
         return Branch(
-            next(self._numbers), name, run, tools, tools.session, tools.session.changes, self._evaluators(tools),
-            recording=path, missing=record.missing,
+            next(self._numbers), name, run, tools, DataCheck(problem), tools.session, tools.session.changes,
+            self._evaluators(tools), recording=path, missing=record.missing,
         )  # fmt: skip
 
-    def _new(self, name: str, tools: Toolbox, problem: Problem) -> Branch:
+    def _new(self, name: str, tools: Toolbox, problem: Problem, data: DataCheck) -> Branch:
         self.progress.checkpoint(_preparing(problem, tools.session))
         start = with_its_tracked(tools.session, problem)
         run = tools.run(problem)
-        return Branch(next(self._numbers), name, run, tools, start, tools.session.changes, self._evaluators(tools))
+        return Branch(
+            next(self._numbers), name, run, tools, data, start, tools.session.changes, self._evaluators(tools)
+        )
 
-    def _begin(self, tools: Toolbox, problem: Problem) -> FrameWork:
-        if not problem.instances:
+    def _begin(self, tools: Toolbox, problem: Problem, data: DataCheck | None = None) -> FrameWork:
+        if not problem.instances and tools.session.scene.source != LABELLED:
             raise InputError(f"frame {problem.frame} holds none of the objects asked for; choose another frame")
-        branch = self._new("first run", tools, problem)
+        is_labelled = tools.session.scene.source == LABELLED
+        branch = self._new("first run", tools, problem, data or DataCheck(problem, is_labelled))
         return FrameWork({branch.index: branch})
 
     def _tools_like(self, tools: Toolbox, session: Session) -> Toolbox:

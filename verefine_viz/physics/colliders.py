@@ -60,8 +60,8 @@ class Collider:
     inertia_m2: Float
     """(3,) principal moments of inertia per kilogram [m²]."""
     mass_from: Literal["mesh", "parts", "box"]
-    """Whether centre of mass and inertia come from the closed mesh, from the parts because the mesh has holes, or from
-    the bounding box."""
+    """Whether centre of mass and inertia come from the closed mesh, or from the parts because the mesh has holes; box:
+    the inertia from the bounding box."""
     deviation_m: float
     """How far the surfaces of collider and mesh are from each other, at worst [m]: with a hull, the depth of the bowl
     that physics takes for solid. Sampled, so a good fit reads as about 1 % of the diameter."""
@@ -176,11 +176,11 @@ def solid_of(model: ObjectModel, parts: list[Float]) -> Collider:
 
 
 def boxed(solid: Collider) -> Collider:
-    """``solid`` with centre of mass and inertia of its bounding box along the object's axes, as Bullet has them."""
-    corners = np.vstack(solid.parts)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    squares = (high - low + 2 * BOX_MARGIN_M) ** 2
-    T_obj_com = transform(np.eye(3), (low + high) / 2)
+    """``solid`` with the moments of its bounding box along the object's axes, as Bullet has them, about its own centre
+    of mass.
+    """
+    squares = (np.ptp(np.vstack(solid.parts), axis=0) + 2 * BOX_MARGIN_M) ** 2
+    T_obj_com = transform(np.eye(3), solid.com_obj)
     return replace(solid, T_obj_com=T_obj_com, inertia_m2=(squares.sum() - squares) / 12, mass_from="box")
 
 

@@ -77,6 +77,11 @@ class Nearness:
     distances_m: Float
     """(n,) signed, negative where they overlap."""
 
+    @property
+    def upright(self) -> float:
+        """Vertical part of the normal where they overlap deepest, in [0, 1]; 0 where they do not face each other."""
+        return float(abs(self.normals[int(np.argmin(self.distances_m)), 2])) if len(self.distances_m) else 0.0
+
 
 def nearness(a: Surface, T_w_a: Float, b: Surface, T_w_b: Float, within_m: float) -> Nearness:
     """How near surface ``a`` is to ``b``, with points and normals in frame w."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError, ShapeError, unknown
-from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.geometry import as_rigid, n_within_reach
 from verefine_viz.core.observation import Support
 from verefine_viz.core.own_parts import own_part
 from verefine_viz.core.problem import Placed
@@ -16,7 +16,6 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import PoseSimulator, Simulator
 from verefine_viz.core.records import NO_CONTACTS, SimulatedPath
 from verefine_viz.core.settings import BULLET, PhysicsSettings
-from verefine_viz.physics.simulator import BulletSimulator, n_within_reach
 
 SAME_START = 1e-3
 """Largest difference of a number of the pose that a path begins with from the given one [-, m]."""
@@ -43,6 +42,8 @@ def make_simulator(settings: PhysicsSettings, progress: ProgressToken = NEVER_CA
     if not settings.enabled:
         return None
     if settings.simulator == BULLET:
+        from verefine_viz.physics.simulator import BulletSimulator
+
         return BulletSimulator(settings, progress=progress)
     if settings.simulator not in SIMULATORS:
         raise SettingsError(unknown("simulator", settings.simulator, simulator_names()))

@@ -1,4 +1,4 @@
-"""The physics step of the paper: an object moves under gravity for a moment, among placed objects, on a plane.
+"""The physics step of the paper (Sec. III-A): an object moves under gravity for a moment, among others, on a plane.
 
 docs/methods.md 1.0 and 1.8.9, 1.8.19, 1.8.20, 1.8.23, 1.8.24; other worlds than a plane: 7.4.
 """
@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
-from verefine_viz.core.geometry import FARTHEST_M, ROUNDED, apply, as_rigid, distance_m, transform
+from verefine_viz.core.geometry import FARTHEST_M, ROUNDED, apply, as_rigid, distance_m, n_within_reach, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
@@ -275,12 +275,6 @@ def plane_of(support: Support) -> SupportSurface:
     """The support plane, which goes through the world's origin."""
     normal = support.normal_world / np.linalg.norm(support.normal_world)
     return SupportSurface(normal, 0.0, np.zeros((0, 2)))
-
-
-def n_within_reach(Ts_cam_obj: Float) -> int:
-    """How many poses (N, 4, 4) of a path come before the first that is too far away, or is none; its start counts."""
-    far = np.flatnonzero(~(np.linalg.norm(Ts_cam_obj[1:, :3, 3], axis=1) <= FARTHEST_M))
-    return 1 + int(far[0]) if len(far) else len(Ts_cam_obj)
 
 
 def _quat_xyzw(T: Float) -> tuple[float, float, float, float]:

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.palette import RGB
+from verefine_viz.core.palette import RGB, SCENE_COLORS
 from verefine_viz.core.surroundings import Surroundings, UnknownObject, clipped
 
-SURFACE_COLOR: RGB = (120, 165, 215)
+SURFACE_COLOR: RGB = SCENE_COLORS["plane"]
 SOLID_COLOR: RGB = (200, 150, 90)
 UNKNOWN_COLOR: RGB = (236, 72, 196)
 DROPPED_COLOR: RGB = (130, 130, 130)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pyarrow as pa
@@ -10,6 +10,7 @@ import rerun as rr
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, STAGE_COLORS
+from verefine_viz.core.problem import Target
 from verefine_viz.core.records import NO_CONTACTS, EventKind, Iteration
 from verefine_viz.core.surroundings import SUPPORT_ID
 from verefine_viz.recording import curves, entities
@@ -19,6 +20,7 @@ from verefine_viz.recording.graphs import TreeGraphs
 from verefine_viz.recording.iteration_text import describe
 from verefine_viz.recording.layout import Layout, ObjectBranch
 from verefine_viz.recording.recording_file import RecordingFile
+from verefine_viz.run.iteration_words import sentence
 
 ARROW_M_PER_N = 0.002
 """Length of a contact's arrow; 1 kg at rest presses with 9.81 N."""
@@ -30,8 +32,10 @@ _NO_PATH = np.zeros((0, 4, 4))
 class Drawing:
     """Draws iterations in order, block by block; remembers what the next block needs of the ones before."""
 
-    def __init__(self, layout: Layout) -> None:
-        self._layout = layout
+    def __init__(self, layout: Layout, targets: Mapping[int, Target], refiner: str) -> None:
+        """``targets``: the objects, by instance; ``refiner``: name of the session's."""
+        self._layout, self._targets, self._refiner = layout, targets, refiner
+        self._labels = {branch.instance_id: branch.name for branch in layout.branches}
         self._poses = Poses(layout)
         self._trees = TreeGraphs(layout)
         self._last_scores = {b.instance_id: np.array(b.initial_scores) for b in layout.branches}
@@ -75,7 +79,8 @@ class Drawing:
         if self._layout.is_scene or self._layout.has_tree:
             curves.send_scene_curves(file, self._layout, block)
         self._trees.send(file, block.iterations)
-        _send_events(file, self._layout, block)
+        words = [sentence(i, self._targets[i.instance_id], self._refiner, self._labels) for i in block.iterations]
+        _send_events(file, self._layout, block, words)
         _send_choices(file, block)
 
     def _turns(self, iterations: Sequence[Iteration]) -> dict[int, list[int]]:
@@ -112,7 +117,7 @@ def _send_contacts(
     file.send(entities.simulated_path(branch.name), indices, lines.partition([min(len(path), 1) for path in paths]))
 
 
-def _send_events(file: RecordingFile, layout: Layout, block: Block) -> None:
+def _send_events(file: RecordingFile, layout: Layout, block: Block, words: Sequence[str]) -> None:
     lane: list[str] = []
     for i in block.iterations:
         notable = _notable([event.kind for event in i.events])
@@ -123,8 +128,8 @@ def _send_events(file: RecordingFile, layout: Layout, block: Block) -> None:
         levels = [_LEVELS.get(event.kind, "INFO") for _, event in events]
         log = rr.TextLog.columns(text=[event.text for _, event in events], level=levels)
         file.send(entities.LOG, [k for k, _ in events], log)
-    rows = zip(block.iterations, block.errors.tolist(), block.motions(), strict=True)
-    texts = [describe(iteration, layout, errors, *motions) for iteration, errors, motions in rows]
+    rows = zip(block.iterations, words, block.errors.tolist(), block.motions(), strict=True)
+    texts = [describe(iteration, layout, did, errors, *motions) for iteration, did, errors, motions in rows]
     file.send(entities.CHOICE, block.indices, rr.TextDocument.columns(text=texts))
 
 

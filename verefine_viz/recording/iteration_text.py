@@ -1,4 +1,4 @@
-"""An iteration in words, as markdown."""
+"""The panel of an iteration, as markdown: what it did, in the words of the page, and the numbers of its stages."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from verefine_viz.recording.layout import Layout
 def describe(
     iteration: Iteration,
     layout: Layout,
+    words: str,
     errors: Sequence[float],
     moved_mm: Sequence[float],
     turned_deg: Sequence[float],
 ) -> str:
-    """What happened in this iteration and why, for the text panel.
+    """An iteration for the text panel.
 
     Args:
         iteration: the iteration.
         layout: what its numbers mean.
+        words: what happened in it and why, from :mod:`verefine_viz.run.iteration_words`.
         errors: against ground truth, as ``Block`` has them.
         moved_mm: how far each stage is from the first.
         turned_deg: the same as an angle.
@@ -33,8 +35,7 @@ def describe(
         f"## Iteration {i.index}: {branch.name}{in_pass}",
         f"**Hypothesis {i.arm + 1} of {branch.n_arms}** ({source}), its iteration {i.arm_iteration}.",
     ]
-    if i.choice is not None and i.choice.reason:
-        lines.append(f"Why this one: {plain(i.choice.reason)}")
+    lines.append(plain(words))
     lines.append(_stages(i, moved_mm, turned_deg))
     best = i.best
     where = f"iteration {best.iteration}" if best.iteration else "the start"
@@ -101,7 +102,6 @@ def _tree_step(step: TreeStep, layout: Layout) -> Iterator[str]:
             f"{_name(pose, layout)} h{arm + 1}" for pose, arm in zip(step.rollout, step.rollout_arms, strict=True)
         )
         yield f"Completed with {rest}."
-    yield f"Not explained: {step.cost_px:.0f} px; best scene so far {step.incumbent_cost_px:.0f} px."
 
 
 def _name(pose: PlacedPose, layout: Layout) -> str:

@@ -6,7 +6,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from verefine_viz.core.palette import STAGE_COLORS
-from verefine_viz.evaluation.landscape import AXIS_WORDS, Landscape
+from verefine_viz.evaluation.pose_axes import AXIS_WORDS
+from verefine_viz.evaluation.pose_landscape import Landscape
 from verefine_viz.recording import entities
 from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.recording_file import RecordingFile
@@ -17,8 +18,9 @@ def log_landscape(file: RecordingFile, branch_name: str, around: Landscape) -> N
     for k, curve in enumerate(around.curves):
         chart = rr.BarChart(curve.scores, abscissa=curve.offsets, color=STAGE_COLORS["best"])
         file.log(entities.landscape(branch_name, k), chart)
-    widest = sorted(around.curves, key=lambda curve: curve is not around.least_certain)
-    words = "\n".join(f"- {curve.describe()}" for curve in widest)
+    least_certain = around.allowed.least_certain
+    widest = sorted(around.allowed.extents, key=lambda extent: extent is not least_certain)
+    words = "\n".join(f"- {extent.describe()}" for extent in widest)
     file.log(entities.landscape_words(branch_name), rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN))
 
 

@@ -12,7 +12,7 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
-from verefine_viz.methods.registry import method_of
+from verefine_viz.methods.known_methods import method_of
 from verefine_viz.recording.entities import WORKED_ON, branch
 from verefine_viz.run.record import RunHeader
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,9 @@ from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import EQ_1, Session
 from verefine_viz.core.writing import make_inside
-from verefine_viz.evaluation.landscape import Landscape, landscape
+from verefine_viz.evaluation.allowed_poses import AllowedPoses
+from verefine_viz.evaluation.allowed_search import allowed_poses
+from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.recording import entities
 from verefine_viz.recording.background import log_background
@@ -31,7 +33,7 @@ from verefine_viz.recording.layout import layout_of
 from verefine_viz.recording.maps import SCENE_TILE_PX, LoggedMaps, PendingMaps, log_colors, send_refiner_steps
 from verefine_viz.recording.recording_file import RecordingFile
 from verefine_viz.recording.views import blueprint_of
-from verefine_viz.run.record import header_of
+from verefine_viz.run.run_header import NO_WEIGHTS, header_of
 
 if TYPE_CHECKING:
     from verefine_viz.grasping.grasp_answer import AnswerGrasps
@@ -58,6 +60,7 @@ class Recorder:
         block: int = BLOCK,
         refiner_of: Callable[[int], Refiner | None] | None = None,
         grasps_of: Callable[[RunState], AnswerGrasps | None] | None = None,
+        weights: Mapping[str, str] = NO_WEIGHTS,
     ) -> None:
         """Nothing is written before :meth:`on_start`.
 
@@ -70,9 +73,10 @@ class Recorder:
             block: iterations drawn together, with score maps at most 10.
             refiner_of: what refined in iteration k, to draw beside the maps what a learned one saw; None = not drawn.
             grasps_of: what became of the answers of a finished run in the gripper; None = not drawn.
+            weights: hashes of the run's weights, for the header, as in ``RunFile``.
         """
         self._path = path
-        self._session = session
+        self._session, self._weights = session, weights
         self._problem = problem
         self._verifier_of = verifier_of if session.recording.maps and session.score.verifier == EQ_1 else None
         self._refiner_of = refiner_of
@@ -86,8 +90,9 @@ class Recorder:
         self._n_drawn = 0
         self._maps: tuple[int, Verifier, LoggedMaps] | None = None
         self._errors = _GroundTruthErrors()
-        self.landscapes: dict[int, Landscape] = {}
-        """The score around the answers, by instance, as soon as it is recorded."""
+        self.allowed: dict[int, AllowedPoses] = {}
+        """What the image allows beside the answers, by instance, as soon as it is recorded."""
+        self._iterations: list[Iteration] = []
 
     def on_start(self, state: RunState) -> None:
         """Opens the file and logs the frame, the hypotheses and their scores.
@@ -97,10 +102,10 @@ class Recorder:
         """
         # A method may add hypotheses of its own to the problem it was given.
         self._problem = state.problem
-        header = header_of(self._problem, state, self._session)
+        header = header_of(self._problem, state, self._session, self._weights)
         self._layout = layout_of(self._problem, header, self._session)
         self._targets = {t.instance.instance_id: t for t in self._problem.targets}
-        self._drawing = Drawing(self._layout)
+        self._drawing = Drawing(self._layout, self._targets, self._session.method.refiner)
         has_maps = self._verifier_of is not None
         make_inside(self._path.parent)
         file = self._file = RecordingFile(self._path)
@@ -124,6 +129,7 @@ class Recorder:
         """
         assert self._file is not None, "on_start comes first"
         self._pending.append(iteration)
+        self._iterations.append(iteration)
         self._pending_errors.append(self._errors.errors(self._targets[iteration.instance_id], iteration))
         if self._verifier_of is not None:
             self._add_maps(self._file, self._verifier_of(iteration.index), iteration)
@@ -137,8 +143,9 @@ class Recorder:
             verifier = self._verifier_of(self._n_drawn + len(self._pending))
             for target, best in zip(state.problem.targets, state.best, strict=True):
                 if best is not None:
-                    around = landscape(verifier, target, best.T_cam_obj)
-                    self.landscapes[target.instance.instance_id] = around
+                    allowed = allowed_poses(verifier, target, best.T_cam_obj, (), self._iterations)
+                    self.allowed[target.instance.instance_id] = allowed
+                    around = landscape(verifier, target, allowed)
                     log_landscape(self._file, branch(target.instance, self._problem), around)
         grasps = self._grasps_of(state) if self._file is not None and self._grasps_of is not None else None
         if self._file is not None and grasps is not None and grasps.pairs:

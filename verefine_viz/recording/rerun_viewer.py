@@ -15,8 +15,8 @@ from urllib.parse import quote
 from verefine_viz.recording.reader import check_rerun_file
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import executable, is_whole
-from verefine_viz.run.record import session_of
 from verefine_viz.run.run_file import SUFFIX, read_run_file
+from verefine_viz.run.run_header import session_of
 
 LOOPBACK = "127.0.0.1"
 
@@ -67,13 +67,21 @@ def drawn(path: Path, folder: Path) -> Path:
         VerefineError: the run or its data cannot be read, or the disk does not take it.
     """
     from verefine_viz.run.engine import Run
+    from verefine_viz.run.session_parts import weights_of
     from verefine_viz.run.toolbox import Toolbox
 
     record = read_run_file(path)
     toolbox = Toolbox(session_of(record.header))
     problem = toolbox.problem(record.header.frame)
     target = folder / path.with_suffix(".rrd").name
-    recorder = Recorder(target, toolbox.session, problem, toolbox.verifier_of, refiner_of=toolbox.refiner_of)
+    recorder = Recorder(
+        target,
+        toolbox.session,
+        problem,
+        toolbox.verifier_of,
+        refiner_of=toolbox.refiner_of,
+        weights=weights_of(toolbox.session),
+    )
     Run.from_record(record, problem, [recorder])
     recorder.close(path.read_bytes())
     return target

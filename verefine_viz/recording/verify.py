@@ -15,8 +15,11 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import TIMES, Iteration
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.run.engine import Run
-from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord, header_of, session_of
+from verefine_viz.run.first_format import as_read_from_it
+from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord
 from verefine_viz.run.run_file import as_read
+from verefine_viz.run.run_header import NO_WEIGHTS, header_of, session_of
+from verefine_viz.run.session_parts import weights_of
 from verefine_viz.run.versions import versions
 
 # Bit-for-bit comparison of records, timings left out: what "the same run" means.
@@ -208,12 +211,14 @@ def _compared(recorded: RunRecord, run: Run, make_end: MakeEnd | None) -> Iterat
     if recorded.end is not None and recorded.end.failed:
         return
     has_scores = bool(recorded.iterations) or any(one.initial for one in recorded.header.objects)
-    start = header_of(run.problem, run.state_at(0) if has_scores else None, session_of(recorded.header))
+    session = session_of(recorded.header)
+    start = header_of(run.problem, run.state_at(0) if has_scores else None, session, NO_WEIGHTS)
     yield START, [*differences(_derived(recorded.header), _derived(as_read(start)))]
     for iteration in recorded.iterations:
         yield f"iteration {iteration.index}", _differences(iteration, run)
     if make_end is not None and recorded.end is not None and run.is_done:
-        yield ANSWERS, [*differences(recorded.end, as_read(make_end(run, recorded)))]
+        end = as_read(make_end(run, recorded))
+        yield ANSWERS, [*differences(recorded.end, as_read_from_it(end) if recorded.header.format == 1 else end)]
 
 
 def _derived(header: RunHeader) -> RunHeader:
@@ -248,5 +253,5 @@ def _describe(first_and_real: list[tuple[str, Difference]], largest: float, reco
 
 def _changed(recorded: RunRecord) -> str:
     """What is here in another version, or with other weights, which may be the reason."""
-    here = versions(session_of(recorded.header))
+    here = versions(weights_of(session_of(recorded.header)))
     return ", ".join(f"{n} {v} (here {here.get(n)})" for n, v in recorded.header.versions.items() if here.get(n) != v)

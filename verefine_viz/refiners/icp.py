@@ -1,4 +1,4 @@
-"""Iterative closest points: the refiner of the paper's depth-only experiments. docs/methods.md 4.1.
+"""Iterative closest points: the paper's refiner for point pair features (Sec. V). docs/methods.md 4.1.
 
 The observed cloud is the source and the model's cloud the target, so that what the sensor did not see of the model
 does not pull. It runs in the model's frame: the observed points are moved there, and one index of nearest points per

@@ -1,4 +1,7 @@
-"""Refiners by name. A new one is a class with ``refine`` (core.protocols.Refiner) and a line in ``REFINERS``."""
+"""Refiners by name. A new one is a class with ``refine`` (core.protocols.Refiner) and a line in ``REFINERS``.
+
+Each is imported when it is first asked for: names and hashes are wanted where nothing is refined.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,6 @@ from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.settings import Session
-from verefine_viz.refiners.icp import Icp
-from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 
 if TYPE_CHECKING:
     from verefine_viz.refiners.depth_net import DepthNet
@@ -25,8 +26,19 @@ class Identity:
         return T_cam_obj
 
 
+def _icp(session: Session) -> Refiner:
+    from verefine_viz.refiners.icp import Icp
+
+    return Icp(session.icp)
+
+
+def _trimmed_icp(session: Session) -> Refiner:
+    from verefine_viz.refiners.trimmed_icp import TrimmedIcp
+
+    return TrimmedIcp(session.tricp)
+
+
 def _depth_net(session: Session) -> DepthNet:
-    # onnxruntime is heavy, and most runs do without.
     from verefine_viz.refiners.depth_net import DepthNet
 
     return DepthNet(session.depth_net, session.score.simplify_mm)
@@ -58,8 +70,8 @@ def _densefusion_hash(session: Session) -> str:
 
 
 REFINERS: dict[str, Callable[[Session], Refiner]] = {
-    "icp": lambda session: Icp(session.icp),
-    "trimmed_icp": lambda session: TrimmedIcp(session.tricp),
+    "icp": _icp,
+    "trimmed_icp": _trimmed_icp,
     "depth_net": _depth_net,
     "depth_net_icp": _depth_net_icp,
     "densefusion": _densefusion,

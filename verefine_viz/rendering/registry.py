@@ -8,14 +8,13 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError, ShapeError, UnavailableError, unknown
-from verefine_viz.core.geometry import apply
+from verefine_viz.core.geometry import apply, as_poses
 from verefine_viz.core.own_parts import own_part
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import PoseScorer, Verifier
 from verefine_viz.core.scores import PIXEL_CLASSES, PixelGrid, Scores
 from verefine_viz.core.settings import EQ_1, ScoreSettings
-from verefine_viz.rendering.verifier import as_poses
 
 VERIFIERS: dict[str, Callable[[ScoreSettings], PoseScorer]] = {}
 """Beside Eq. 1. A new one is a class with ``scores`` (core.protocols.PoseScorer) and a line here; docs/guide.md, "Your

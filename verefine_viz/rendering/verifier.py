@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, writable
 from verefine_viz.core.errors import ShapeError
+from verefine_viz.core.geometry import as_poses
 from verefine_viz.core.kernels import kernel
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -126,18 +127,6 @@ class RenderingVerifier(ABC):
 def rule_of(settings: ScoreSettings) -> tuple[int, float, float]:
     """The pixels that count, as the renderers' code, τ [m] and α."""
     return _PIXELS[settings.pixels], settings.tau_m, settings.alpha
-
-
-def as_poses(Ts_cam_obj: Float) -> Float:
-    """A copy of the poses as a contiguous (N, 4, 4) array.
-
-    Raises:
-        ShapeError: another shape.
-    """
-    Ts = writable(Ts_cam_obj)
-    if Ts.ndim != 3 or Ts.shape[1:] != (4, 4):
-        raise ShapeError(f"the poses to score have shape {Ts.shape}, expected n×4×4")
-    return Ts
 
 
 def _sorted_placements(targets: Sequence[Target], Ts_cam_obj: Float) -> tuple[tuple[Target, ...], Float]:

@@ -12,6 +12,7 @@ from msgspec import structs
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.runs import Runs
 from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.evaluation.bop_scores import bop_scores
 from verefine_viz.evaluation.ground_truth import (
     BopGroundTruth,
@@ -25,7 +26,6 @@ from verefine_viz.evaluation.ground_truth import (
 from verefine_viz.evaluation.pose_table import pose_table
 from verefine_viz.run.answers import result_rows
 from verefine_viz.scenes.bop import BopDataset
-from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.results_csv import ResultRow
 from verefine_viz.scenes.source import open_scene
 

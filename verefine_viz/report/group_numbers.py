@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from verefine_viz.batch.totals import misranked_share
 from verefine_viz.core.arrays import Float
-from verefine_viz.diagnosis.causes import cause_title
+from verefine_viz.core.causes import cause_title
 from verefine_viz.evaluation.bootstrap import CellSums, Draws, Spread, draws
-from verefine_viz.methods.registry import method_of
-from verefine_viz.report.bop_recalls import BopRecalls
+from verefine_viz.methods.known_methods import method_of
+from verefine_viz.page.gallery_messages import BestGroup, HardObject, ObjectCell, ObjectNumbers
 from verefine_viz.report.groups import Group, Section, key
 from verefine_viz.run.record import Answer
 
-Json = dict[str, Any]
+if TYPE_CHECKING:
+    from verefine_viz.report.bop_recalls import BopRecalls
+
 FEWEST_SCENES = 8
 """With at least so many scenes whole scenes are drawn, whose frames look alike; otherwise frames."""
 THRESHOLDS = np.linspace(0.0, 0.5, 101)
@@ -47,9 +49,18 @@ def _solved(name: str) -> Callable[[Answer], float | None]:
     return lambda row: getattr(row, name) if row.status == "ok" else None
 
 
+def _right_seen(row: Answer) -> float | None:
+    """Whether an answer is right as far as the image shows; one that is missing is not."""
+    if not row.can_be_right or (row.status == "ok" and row.right_seen is None):
+        return None
+    return float(row.right_seen is True)
+
+
 COLUMNS = (
     GroupColumn("recall", "right", "share of objects whose ADD(-S) is below 10 % of the diameter", "%", 100, 1, 1,
            lambda row: float(row.is_correct is True) if row.can_be_right else None),
+    GroupColumn("recall_seen", "right as seen", "share of objects that are right as far as the image shows: measured "
+           "from the nearest pose that it allows beside ground truth", "%", 100, 1, 1, _right_seen),
     GroupColumn("ar", "BOP AR", "average recall over VSD, MSSD and MSPD, as in the BOP challenge", "%", 100, 1, 1),
     GroupColumn("median_mm", "median ADD(-S)", "ADD, for symmetric objects ADD-S, of the objects with an answer", "mm",
            1, 1, -1),
@@ -162,6 +173,8 @@ def _line(group: Group, axes: Axes, drawn: Draws, recall: CellSums, best: CellSu
     values, units, models = np.array(errors).reshape(-1, 3).T
     frame_ms = _frame_ms(group, axes)
     numbers = {column.id: drawn.mean(axes.cells(objects, column.value)) for column in COLUMNS}
+    if all(row.right_seen is None for row in objects):  # A table of an earlier version.
+        numbers["recall_seen"] = None
     numbers["ar"] = drawn.mean(ar)
     numbers["median_mm"] = drawn.median(values, units.astype(int), models.astype(int))
     numbers["ms_per_frame"] = drawn.median(frame_ms[:, 0], frame_ms[:, 1].astype(int), None)
@@ -229,19 +242,21 @@ def cause_counts(group: Group) -> Counter[str]:
     return Counter(cause_title(row.cause) for row in group.failures) if group.with_truth else Counter()
 
 
-def object_numbers(comparison: GroupComparison) -> list[Json]:
+def object_numbers(comparison: GroupComparison) -> list[ObjectNumbers]:
     """Each object model: its numbers in each group, None where a group does not have it."""
-    rows = list[Json]()
+    rows = list[ObjectNumbers]()
     for obj_id, place in comparison.axes.models.items():
         cells = [_object_cell(line, obj_id, place) for line in comparison.lines]
         name = next((r.name for line in comparison.lines for r in line.group.objects if (r.obj_id or 0) == obj_id), "")
         if any(cells):
-            rows.append({"id": obj_id, "name": name, "cells": cells})
+            rows.append(ObjectNumbers(obj_id, name, cells))
     return rows
 
 
-def _object_cell(line: GroupLine, obj_id: int, place: int) -> Json | None:
+def _object_cell(line: GroupLine, obj_id: int, place: int) -> ObjectCell | None:
     mine = [row for row in line.group.objects if (row.obj_id or 0) == obj_id]
+    if not mine:
+        return None
     errors = [row.add_s_mm for row in mine if row.status == "ok" and row.add_s_mm is not None]
     scores = [row.score for row in mine if row.status == "ok" and row.score is not None]
     widths = [row.undetermined_mm for row in mine if row.status == "ok" and row.undetermined_mm is not None]
@@ -251,24 +266,29 @@ def _object_cell(line: GroupLine, obj_id: int, place: int) -> Json | None:
         n = cells.n[:, place].sum()
         return round(float(100 * cells.total[:, place].sum() / n), 2) if n else None
 
-    return {
-        "n": len(mine),
-        "right": share(line.recall),
-        "ar": share(line.ar),
-        "median_mm": round(float(np.median(errors)), 2) if errors else None,
-        "score": round(float(np.mean(scores)), 3) if scores else None,
-        "undetermined_mm": round(float(np.mean(widths)), 2) if widths else None,
-        "cause": cause_title(causes.most_common(1)[0][0]) if causes else "",
-    } if mine else None  # fmt: skip
+    return ObjectCell(
+        n=len(mine),
+        right=share(line.recall),
+        ar=share(line.ar),
+        median_mm=round(float(np.median(errors)), 2) if errors else None,
+        score=round(float(np.mean(scores)), 3) if scores else None,
+        undetermined_mm=round(float(np.mean(widths)), 2) if widths else None,
+        cause=cause_title(causes.most_common(1)[0][0]) if causes else "",
+    )
 
 
-def hardest(section: Section) -> list[Json]:
-    """Objects of a frame that most groups get wrong with most seeds, the hardest first; ``row``: the worst answer."""
+def hardest(section: Section, keys: Mapping[int, int]) -> list[HardObject]:
+    """Objects of a frame that most groups get wrong with most seeds, the hardest first.
+
+    Args:
+        section: the groups.
+        keys: id of an answer → its key in the gallery.
+    """
     by_object: dict[Any, dict[str, list[Answer]]] = {}
     for group in section.groups:
         for row in group.with_truth:
             by_object.setdefault(key(row), {}).setdefault(group.name, []).append(row)
-    hard = list[Json]()
+    hard = list[HardObject]()
     for by_group in by_object.values():
         rows = [row for mine in by_group.values() for row in mine]
         right = {name: sum(row.is_correct is True for row in mine) for name, mine in by_group.items()}
@@ -277,14 +297,20 @@ def hardest(section: Section) -> list[Json]:
             best = max(by_group, key=lambda name: right[name] / len(by_group[name]))
             causes = Counter(row.cause for row in rows if row.cause)
             worst = max(rows, key=lambda row: np.inf if row.relative_error is None else row.relative_error)
-            hard.append({
-                "row": worst, "frame": worst.frame, "name": worst.name,
-                "wrong_groups": n_wrong, "groups": len(by_group),
-                "right": sum(right.values()), "n": len(rows),
-                "best": [best, right[best], len(by_group[best])] if right[best] else None,
-                "cause": cause_title(causes.most_common(1)[0][0]) if causes else "",
-            })  # fmt: skip
-    return sorted(hard, key=lambda one: (-one["wrong_groups"], one["right"] / one["n"], one["frame"]))
+            hard.append(
+                HardObject(
+                    key=keys[id(worst)],
+                    frame=worst.frame,
+                    name=worst.name,
+                    wrong_groups=n_wrong,
+                    groups=len(by_group),
+                    right=sum(right.values()),
+                    n=len(rows),
+                    best=BestGroup(best, right[best], len(by_group[best])) if right[best] else None,
+                    cause=cause_title(causes.most_common(1)[0][0]) if causes else "",
+                )
+            )
+    return sorted(hard, key=lambda one: (-one.wrong_groups, one.right / one.n, one.frame))
 
 
 def score_misleads(group: Group) -> float | None:

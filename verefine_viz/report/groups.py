@@ -11,7 +11,8 @@ from typing import Any
 
 import msgspec
 
-from verefine_viz.batch.index import BatchIndex, read_batch, sort_key
+from verefine_viz.batch.answer_orders import sort_key
+from verefine_viz.batch.index import BatchIndex, read_batch
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import first_of

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
 from verefine_viz.core.geometry import angle_between, apply
+from verefine_viz.page.gallery_messages import ApartAnswers, FrameChange, ObjectChange, PairDifference
 from verefine_viz.report.groups import Group, key
 from verefine_viz.run.record import Answer
 
-Json = dict[str, Any]
 SAME = 0.005
 """Errors that differ by less than this share of the diameter count as the same."""
 MOST_ROWS = 1000
@@ -41,7 +41,7 @@ class PairChange:
         return b - a
 
     @property
-    def turned(self) -> str:
+    def turned(self) -> Literal["", "right", "wrong"]:
         """Whether it became right or wrong; "" where it stayed what it was."""
         before, after = self.a.is_correct is True, self.b.is_correct is True
         return "" if before == after else ("right" if after else "wrong")
@@ -60,7 +60,7 @@ def changes_of(a: Group, b: Group) -> list[PairChange]:
     return sorted(both, key=lambda change: (change.by, change.a.frame))
 
 
-def difference(a: Group, b: Group, keys: Mapping[int, int]) -> Json:
+def difference(a: Group, b: Group, keys: Mapping[int, int]) -> PairDifference:
     """What changed from A to B.
 
     Args:
@@ -71,28 +71,31 @@ def difference(a: Group, b: Group, keys: Mapping[int, int]) -> Json:
     changes = changes_of(a, b)
     shown = changes if len(changes) <= MOST_ROWS else [*changes[: MOST_ROWS // 2], *changes[-MOST_ROWS // 2 :]]
     of_a, of_b = ({key(row) for row in group.objects} for group in (a, b))
-    return {
-        "n": len(changes),
-        "better": sum(change.by < -SAME for change in changes),
-        "worse": sum(change.by > SAME for change in changes),
-        "now_right": sum(change.turned == "right" for change in changes),
-        "now_wrong": sum(change.turned == "wrong" for change in changes),
-        "both_wrong": sum(not change.a.is_correct and not change.b.is_correct for change in changes),
-        "only": [len(of_a - of_b), len(of_b - of_a)],
-        "same": 100 * SAME,
-        "objects": [
-            {
-                "frame": change.a.frame, "name": change.a.name, "turned": change.turned,
-                "errors": [_percent(error) for error in change.errors], "by": _percent(change.by),
-                "keys": [keys[id(change.a)], keys[id(change.b)]],
-            }
+    return PairDifference(
+        n=len(changes),
+        better=sum(change.by < -SAME for change in changes),
+        worse=sum(change.by > SAME for change in changes),
+        now_right=sum(change.turned == "right" for change in changes),
+        now_wrong=sum(change.turned == "wrong" for change in changes),
+        both_wrong=sum(not change.a.is_correct and not change.b.is_correct for change in changes),
+        only=(len(of_a - of_b), len(of_b - of_a)),
+        same=100 * SAME,
+        objects=[
+            ObjectChange(
+                frame=change.a.frame,
+                name=change.a.name,
+                turned=change.turned,
+                errors=(_percent(change.errors[0]), _percent(change.errors[1])),
+                by=_percent(change.by),
+                keys=(keys[id(change.a)], keys[id(change.b)]),
+            )
             for change in shown
         ],
-        "frames": _frames(changes)[:MOST_ROWS],
-    }  # fmt: skip
+        frames=_frames(changes)[:MOST_ROWS],
+    )
 
 
-def apart(a: Group, b: Group, keys: Mapping[int, int]) -> list[Json]:
+def apart(a: Group, b: Group, keys: Mapping[int, int]) -> list[ApartAnswers]:
     """Objects that both runs have an answer for, those whose answers are the furthest apart first: all that is known of
     a difference without ground truth.
 
@@ -102,7 +105,7 @@ def apart(a: Group, b: Group, keys: Mapping[int, int]) -> list[Json]:
         keys: id of an answer → its key in the gallery.
     """
     of_b = {key(row): row for row in b.objects}
-    both = list[Json]()
+    both = list[ApartAnswers]()
     for one in a.objects:
         other = of_b.get(key(one))
         if one.T_cam_obj is None or other is None or other.T_cam_obj is None:
@@ -110,12 +113,17 @@ def apart(a: Group, b: Group, keys: Mapping[int, int]) -> list[Json]:
         middle = np.zeros((1, 3)) if one.middle_m is None else one.middle_m[None]
         (shift,) = apply(other.T_cam_obj, middle) - apply(one.T_cam_obj, middle)
         turn = angle_between(one.T_cam_obj[:3, :3], other.T_cam_obj[:3, :3])
-        both.append({
-            "frame": one.frame, "name": one.name, "mm": round(1e3 * float(np.linalg.norm(shift)), 2),
-            "deg": round(math.degrees(turn), 2), "scores": [one.score, other.score],
-            "keys": [keys[id(one)], keys[id(other)]],
-        })  # fmt: skip
-    return sorted(both, key=lambda one: (-one["mm"], one["frame"]))[:MOST_ROWS]
+        both.append(
+            ApartAnswers(
+                frame=one.frame,
+                name=one.name,
+                mm=round(1e3 * float(np.linalg.norm(shift)), 2),
+                deg=round(math.degrees(turn), 2),
+                scores=(one.score, other.score),
+                keys=(keys[id(one)], keys[id(other)]),
+            )
+        )
+    return sorted(both, key=lambda one: (-one.mm, one.frame))[:MOST_ROWS]
 
 
 def wrong_in(a: Group, b: Group) -> dict[int, str]:
@@ -134,19 +142,19 @@ def _is_missed(row: Answer) -> bool:
     return row.status == "no_answer" or row.is_correct is False
 
 
-def _frames(changes: Sequence[PairChange]) -> list[Json]:
+def _frames(changes: Sequence[PairChange]) -> list[FrameChange]:
     """Both runs frame by frame, the most improved first; errors are means over objects that both have an answer for."""
     by_frame: dict[str, list[PairChange]] = {}
     for change in changes:
         by_frame.setdefault(change.a.frame, []).append(change)
-    frames = list[tuple[float, Json]]()
+    frames = list[tuple[float, FrameChange]]()
     for frame, mine in by_frame.items():
         both = [change.errors for change in mine if all(map(math.isfinite, change.errors))]
         a, b = np.mean(both, axis=0).tolist() if both else (math.nan, math.nan)
         right = [sum(row.is_correct is True for row in rows) for rows in zip(*((c.a, c.b) for c in mine), strict=True)]
         by = 0.0 if math.isnan(b - a) else b - a
-        frames.append((by, {"frame": frame, "n": len(mine), "errors": [_percent(a), _percent(b)], "right": right}))
-    return [frame for _, frame in sorted(frames, key=lambda one: (one[0], one[1]["frame"]))]
+        frames.append((by, FrameChange(frame, len(mine), (_percent(a), _percent(b)), right)))
+    return [frame for _, frame in sorted(frames, key=lambda one: (one[0], one[1].frame))]
 
 
 def _percent(share: float) -> float | None:

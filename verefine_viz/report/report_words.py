@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
-from verefine_viz.diagnosis.causes import ADVICE, STARVED_ADVICE, Cause, cause_title
+from verefine_viz.core.causes import STARVED_ADVICE, Cause, advice_on, cause_title
 from verefine_viz.evaluation.bootstrap import DRAWS, Spread
-from verefine_viz.methods.registry import METHODS, SEARCH
+from verefine_viz.methods.known_methods import METHODS, SEARCH
 from verefine_viz.page.gallery import outcome_words
 from verefine_viz.report.group_numbers import GroupComparison
 from verefine_viz.report.groups import Group, Section, seeds_of
@@ -128,7 +128,7 @@ def advice(cause: str, method: str) -> str:
     """What to try against a cause; of one that this version does not know, where to look."""
     if cause not in set(Cause):
         return "look at the cards below"
-    return OWN_ADVICE.get(method, {}).get(Cause(cause), ADVICE[Cause(cause)])
+    return OWN_ADVICE.get(method, {}).get(Cause(cause), advice_on(cause))
 
 
 def listed(names: Sequence[str]) -> str:

@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
 from rich.markup import escape
 
-from verefine_viz import __version__
 from verefine_viz.batch.index import batch_of, find_runs
 from verefine_viz.batch.progress import counted_bar
 from verefine_viz.batch.runs import Runs
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.writing import atomic, check_no_link, clear_parts
-from verefine_viz.page.bundle import bundle, part, picture
+from verefine_viz.page.bundle import bundle, command_path, part, picture
+from verefine_viz.page.frame_messages import FrameMessage
 from verefine_viz.page.gallery import Gallery, GalleryEntry
-from verefine_viz.page.share import command_path, opened_answer, shared, write_shared
-from verefine_viz.page.thumbnails import Painter
+from verefine_viz.page.messages import FileMessage
+from verefine_viz.page.sent_palette import hello
 from verefine_viz.page.views.gallery_answers import answers_message
 from verefine_viz.report.groups import read_runs, sections_of
 from verefine_viz.report.pair_difference import wrong_in
-from verefine_viz.report.report_message import StepProgress, report_message
+from verefine_viz.report.report_message import RecallsOf, StepProgress, report_message
 
-Json = dict[str, Any]
+if TYPE_CHECKING:
+    from verefine_viz.page.share import SharedRun
+
 FILE_NAME = "report.html"
 MOST_PICTURES = 300
 """Cards with a picture, the worst answers first: 5 to 12 kB each."""
@@ -40,8 +43,22 @@ class Written:
     """What is missing in it, and why."""
 
 
+@dataclass(frozen=True)
+class ReportTools:
+    """What works out and draws for a report; ``commands/report.py`` puts it together."""
+
+    recalls_of: RecallsOf
+    painter_of: Callable[[Gallery], Callable[[GalleryEntry], bytes]]
+    """Makes what draws the small pictures of a gallery's answers, as WebP; empty where it cannot."""
+    shared_answer: Callable[[Gallery, GalleryEntry, str, Collection[int], str], SharedRun]
+    """What the page shows of an answer's frame: with the command that opens it, the instances that are shown in depth,
+    and how the keys of its arrays begin."""
+    write_shared: Callable[[SharedRun, str, Path], str]
+    """Writes that as a file of its own, with a 3D view or "" for none."""
+
+
 def print_report(
-    folder: Path, other: Path | None, out: Path | None, embed: int, beside: int, pictures: int, workers: int
+    folder: Path, other: Path | None, out: Path | None, embed: int, beside: int, pictures: int, tools: ReportTools
 ) -> None:
     """Write the report of one or two folders of runs, and print what it says and where it is.
 
@@ -60,7 +77,7 @@ def print_report(
     selections = [find_runs(named) for named in (folder, other) if named is not None]
     runs = [run for selection in selections for run in selection.runs]
     with counted_bar("reading") as progress:
-        written = write_report(runs, path, len(runs) == len(selections), embed, beside, pictures, workers, progress)
+        written = write_report(runs, path, tools, len(runs) == len(selections), embed, beside, pictures, progress)
     console = Terminal(highlight=False, soft_wrap=True)
     for line in (*written.headlines, *(s.note for s in selections if s.note), *written.notes):
         console.print(escape(line))
@@ -70,11 +87,11 @@ def print_report(
 def write_report(
     folders: Sequence[Path],
     path: Path,
+    tools: ReportTools,
     as_named: bool = True,
     embed: int = 0,
     beside: int = 0,
     pictures: int = MOST_PICTURES,
-    workers: int = 1,
     progress: StepProgress = lambda what, done, of: None,
 ) -> Written:
     """Write the report of some runs.
@@ -82,11 +99,11 @@ def write_report(
     Args:
         folders: of batches.
         path: the HTML file.
+        tools: what works out and draws.
         as_named: whether the user named these runs, one or two; else those that are not finished are left out.
         embed: frames with a wrong answer that can be opened in the file, the worst first.
         beside: so many more have a file of their own, in a folder beside it.
         pictures: answers that have a picture, the worst first.
-        workers: threads for the BOP scores.
         progress: what is being done.
 
     Raises:
@@ -96,42 +113,59 @@ def write_report(
     runs, left_out = read_runs(folders, only_finished=not as_named)
     sections = sections_of(runs, as_named and len(runs) == 2)
     gallery = Gallery(runs)
-    message = report_message(sections, gallery, left_out, workers, progress)
-    answers, notes = answers_message(gallery), list(message["notes"])
+    message = report_message(sections, gallery, left_out, tools.recalls_of, progress)
+    answers, notes = answers_message(gallery), list(message.notes)
+    worst_first = answers.orders[0].keys
+    painted = _pictures(tools.painter_of(gallery), gallery, worst_first, pictures, notes, progress)
+    folder = path.with_name(f"{path.stem}-frames")
+    shown = _frames(tools, gallery, worst_first, embed, beside, folder, notes, progress)
     group_of = {id(row): group.name for section in sections for group in section.groups for row in group.rows}
     compared: dict[int, str] = {}
     for section in sections:
         compared |= wrong_in(*section.pair) if section.pair else {}
-    for row, entry in zip(answers["rows"], gallery.entries, strict=True):
-        row |= {"group": group_of[id(entry.row)], "compared": compared.get(id(entry.row), ""), "thumb": False}
-        row |= {"command": f"verefine-viz view {_run_file(gallery, entry)}", "part": None, "file": None}
-    elements = [
-        *_pictures(gallery, answers, pictures, notes, progress),
-        *_frames(gallery, answers, embed, beside, path.with_name(f"{path.stem}-frames"), notes, progress),
+    rows = [
+        replace(
+            row,
+            group=group_of[id(entry.row)],
+            compared=compared.get(id(entry.row), ""),
+            thumb=row.key in painted,
+            command=_command(gallery, entry),
+            part=shown.parts.get(row.key),
+            file=shown.files.get(row.key),
+        )
+        for row, entry in zip(answers.rows, gallery.entries, strict=True)
     ]
     command = f"verefine-viz view {command_path(folders[0] if len(folders) == 1 else folders[0].parent)}"
     messages = [
-        {"t": "hello", "window": 0, "version": __version__},
-        {"t": "file", "command": command, "maps": "end", "scene": False},
+        hello(0),
+        FileMessage(command, "end", scene=False),
         message,
-        answers,
+        replace(answers, rows=rows),
     ]
     progress("writing", 0, 1)
     with atomic(path) as file:
-        file.write_text(bundle(messages, (), elements, message["title"]), encoding="utf-8", errors="replace")
+        page = bundle(messages, (), [*painted.values(), *shown.elements], message.title)
+        file.write_text(page, encoding="utf-8", errors="replace")
     n_left = len(left_out)
     notes += [f"{n_left} of {len(folders)} runs left out, see the report."] if n_left else []
-    notes += [f"{one['data']}: {one['bop']}" for one in message["sections"] if "No BOP scores" in one["bop"]]
-    headlines = [f"{message['title']}: {message['counted']}."]
-    for one in message["sections"]:
-        headlines.append(f"{one['data']}: {one['headline']}" if len(message["sections"]) > 1 else one["headline"])
+    notes += [f"{one.data}: {one.bop}" for one in message.sections if "No BOP scores" in one.bop]
+    headlines = [f"{message.title}: {message.counted}."]
+    for one in message.sections:
+        headlines.append(f"{one.data}: {one.headline}" if len(message.sections) > 1 else one.headline)
     return Written(tuple(headlines), tuple(dict.fromkeys(notes)))
 
 
-def _pictures(gallery: Gallery, answers: Json, most: int, notes: list[str], progress: StepProgress) -> list[str]:
-    """The small pictures of the worst answers; their rows learn that they have one."""
-    paint, drawn = Painter(lambda: gallery), list[str]()
-    keys = [key for key in answers["orders"][0]["keys"] if gallery.entries[key].row.was_asked_for][:most]
+def _pictures(
+    paint: Callable[[GalleryEntry], bytes],
+    gallery: Gallery,
+    worst_first: Sequence[int],
+    most: int,
+    notes: list[str],
+    progress: StepProgress,
+) -> dict[int, str]:
+    """The small pictures of the worst answers as HTML, by their keys."""
+    drawn = dict[int, str]()
+    keys = [key for key in worst_first if gallery.entries[key].row.was_asked_for][:most]
     # Frame by frame: a frame is read once.
     keys.sort(key=lambda key: (gallery.entries[key].row.frame, key))
     failed: dict[str, None] = {}
@@ -143,22 +177,40 @@ def _pictures(gallery: Gallery, answers: Json, most: int, notes: list[str], prog
             failed[f"No pictures: {error}."] = None
             continue
         if image:
-            drawn.append(picture(f"/thumb/{key}", image, "image/webp"))
-            answers["rows"][key]["thumb"] = True
+            drawn[key] = picture(f"/thumb/{key}", image, "image/webp")
     notes += failed
     return drawn
 
 
+@dataclass(frozen=True)
+class ShownFrames:
+    """Frames that a report opens, by the keys of their answers."""
+
+    elements: list[str] = field(default_factory=list)
+    """HTML of those that are parts of the file."""
+    parts: dict[int, int] = field(default_factory=dict)
+    """Numbers of the parts."""
+    files: dict[int, str] = field(default_factory=dict)
+    """Files beside the report."""
+
+
 def _frames(
-    gallery: Gallery, answers: Json, embed: int, beside: int, folder: Path, notes: list[str], progress: StepProgress
-) -> list[str]:
+    tools: ReportTools,
+    gallery: Gallery,
+    worst_first: Sequence[int],
+    embed: int,
+    beside: int,
+    folder: Path,
+    notes: list[str],
+    progress: StepProgress,
+) -> ShownFrames:
     """The worst frames as parts of the file, as ``verefine-viz share`` has them; of a good run the worst one, without
     ground truth the most doubtful ones.
 
     So many more are written into ``folder``, a file each.
     """
     entries = gallery.entries
-    worst = [key for key in answers["orders"][0]["keys"] if entries[key].can_be_opened]
+    worst = [key for key in worst_first if entries[key].can_be_opened]
     # Where there is no answer there is less to see. Where no ground truth is known, any answer may be wrong.
     wrong = sorted((k for k in worst if entries[k].is_wrong), key=lambda k: entries[k].row.status != "ok")
     wrong = wrong or (worst[:1] if any(entry.row.can_be_right for entry in entries) else worst)
@@ -167,32 +219,30 @@ def _frames(
         row = entries[key].row
         # Several runs may have the frame, or a folder of run files several of it.
         frames.setdefault((entries[key].run, row.frame, row.method, row.seed), []).append(key)
-    parts = list[str]()
+    shown = ShownFrames()
     for done, ((run, frame, *_), keys) in enumerate(list(frames.items())[: embed + beside]):
         progress("failures", done, min(embed + beside, len(frames)))
         objects = {i for key in keys if (i := entries[key].row.instance_id) is not None}
         try:
-            debugger = opened_answer(gallery, entries[keys[0]])
-            known = shared(debugger, answers["rows"][keys[0]]["command"], "end", objects, f"p{done}-")
+            entry = entries[keys[0]]
+            known = tools.shared_answer(gallery, entry, _command(gallery, entry), objects, f"p{done}-")
         except VerefineError as error:
             notes.append(f"Frames cannot be opened in the report: {error}.")
             continue
         if done >= embed:
             check_no_link(folder)
             file = folder / f"{run}_{frame.replace('/', '_')}_{done}.html"
-            write_shared(known, "", file)
-            for key in keys:
-                answers["rows"][key]["file"] = f"{folder.name}/{file.name}"
+            tools.write_shared(known, "", file)
+            shown.files.update(dict.fromkeys(keys, f"{folder.name}/{file.name}"))
             continue
-        messages = [message | {"run": run} if message["t"] == "frame" else message for message in known.messages]
-        parts += [*known.elements, part(f"part {done}", messages, known.answers)]
-        for key in keys:
-            answers["rows"][key]["part"] = done
-    return parts
+        messages = [replace(one, run=run) if isinstance(one, FrameMessage) else one for one in known.messages]
+        shown.elements.extend((*known.elements, part(f"part {done}", messages, known.answers)))
+        shown.parts.update(dict.fromkeys(keys, done))
+    return shown
 
 
-def _run_file(gallery: Gallery, entry: GalleryEntry) -> str:
-    """The run file of an answer as a command has it."""
+def _command(gallery: Gallery, entry: GalleryEntry) -> str:
+    """Return the command that opens the run of an answer."""
     folder = gallery.runs[entry.run].folder
     path = gallery.loose_record(entry) or Runs(folder / "runs").path(entry.row.frame)
-    return str(path.relative_to(folder.parent) if path.is_absolute() else path)
+    return f"verefine-viz view {path.relative_to(folder.parent) if path.is_absolute() else path}"

@@ -1,150 +1,86 @@
-"""The table of answers: its columns, each with what it says. ``docs/tables.md`` repeats it."""
+"""The table of answers: its columns, and how they are written."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Literal
 
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.writing import atomic
 from verefine_viz.run.record import Answer, RunEnd, RunRecord, unsolved
-from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.results_csv import ResultRow
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column of frames.csv."""
+    """One column of frames.csv. What it says is the docstring of the answer's field or property of its name."""
 
     name: str
-    text: str
-    """What it says, with its unit, as markdown."""
+    _: KW_ONLY
     kind: Literal["exact", "time"] = "exact"
     """exact: the same for the same session; time: differs from run to run."""
     digits: int | None = 3
     """After the point; None = all, as such numbers are compared. More digits of a millimetre are noise."""
-    value: Callable[[Answer], object] | None = None
-    """How it follows from an answer; None = its field or property of that name."""
 
     def cell(self, answer: Answer) -> object:
         """The value as the table has it; "" where it is unknown."""
-        value = getattr(answer, self.name) if self.value is None else self.value(answer)
+        value = getattr(answer, self.name)
         if value is None:
             return ""
         return f"{value:.{self.digits}f}" if isinstance(value, float) and self.digits is not None else value
 
 
 COLUMNS = (
-    Column("scene_id", "BOP's number of the scene"),
-    Column("im_id", "BOP's number of the image"),
-    Column(
-        "instance_id",
-        "number of the object in the frame, from 0: its place in `scene_gt.json`; with masks from a "
-        "detections file, its rank by detection score",
-    ),
-    Column("obj_id", "BOP's number of the object's model"),
-    Column("name", "name of the object's model"),
-    Column("method", "method of the session (`method.name`)"),
-    Column("seed", "seed of the initial poses (`hypotheses.seed`)"),
-    Column("visib_fract", "visible share of the object, 0 to 1, where the data set says"),
-    Column(
-        "has_truth",
-        "whether ground truth is known; every such object counts in the share of right ones, with an answer or without",
-    ),
-    Column(
-        "status",
-        "`ok`: there is an answer; `no_answer`: there was no hypothesis; `left_out`: its mask or its model "
-        "is missing or damaged (mend it: `--retry-failed` then solves the frame again), its mask is empty, "
-        "or it was not detected; `failed`: its frame could not be solved",
-    ),
-    Column("score", "verification score of the answer, 0 to 1", digits=None),
-    Column("initial_score", "best score among the hypotheses as they were given", digits=None),
-    Column(
-        "colour_fit",
-        "f_c of the answer, -1 to 1: correlation of rendered and observed colour; empty where colour does "
-        "not count (`score.colour_weight` is 0, or model or image have no contrast)",
-    ),
-    Column(
-        "plausibility",
-        "p of the answer, 0 to 1: half of it for touching without sinking in, half for being stable; empty where "
-        "plausibility does not count (`score.plausibility_weight` is 0, or no support plane is known)",
-    ),
-    Column(
-        "recorded_score",
-        "score that the program whose steps were recorded gave to the answer, in its own units; empty where"
-        " nothing was recorded, it gave none, or the answer is another pose",
-        digits=None,
-    ),
-    Column("missing_depth", "share of the object's mask without depth, 0 to 1"),
-    Column(
-        "add_s_mm",
-        "error of the answer [mm]: ADD, the mean distance of model points from where they should be; for "
-        "objects declared symmetric ADD-S, from the nearest such point. Right is below 10 % of the "
-        "diameter. [Measured on](#what-errors-are-measured-on) points sampled on the surface",
-    ),
-    Column("initial_add_s_mm", "ADD(-S) of the hypothesis with the best initial score [mm]"),
-    Column("rotation_deg", "rotation error of the answer [°], the smallest over declared symmetries"),
-    Column("translation_mm", "translation error of the answer [mm]"),
-    Column("diameter_mm", "diameter of the object's model [mm]"),
-    Column("best_hypothesis", "number of the hypothesis that the answer comes from, from 1"),
-    Column(
-        "best_iteration", "the iteration that made the answer, counted over the frame; 0: a hypothesis as it was given"
-    ),
-    Column(
-        "worst_iteration",
-        "the iteration that gave up a correct pose for the wrong answer; else the one that took the "
-        "accepted pose furthest from the ground truth, if one added more than 3 % of the diameter to the "
-        "error; without ground truth the one that lost most score, if more than 0.01. Empty: none did. The "
-        "page opens an answer here, else at `best_iteration`",
-    ),
-    Column(
-        "undetermined_mm",
-        "how far the answer could be shifted, along an axis of the table or of the model, without the score"
-        " falling by more than twice the standard deviation that noise of the depth image gives the "
-        "difference [mm]; at most 30: the longer side of a connected interval around the answer. The noise is"
-        " measured in the frame itself",
-    ),
-    Column(
-        "undetermined_deg",
-        "how far the answer could be turned so, about an axis through what is seen of the object [°]; 180 about an "
-        "axis of symmetry, declared or not",
-    ),
-    Column("n_hypotheses", "hypotheses it started from"),
-    Column("n_iterations", "iterations spent on it"),
-    Column(
-        "grasp",
-        "how a simulated grasp by the answer ends, with `batch --grasp` (`grasp.answers`): `success`, "
-        "`slipped`, `no contact`, `collided with the target`, `collided with a neighbour`, `collided with "
-        "the ground`, or `no collision-free grasp`; [how](methods.md#84-grasping). Empty where it was not "
-        "tried: no answer, an object of the frame without ground truth, no support plane",
-    ),
-    Column("grasp_ground_truth", "how a simulated grasp by the ground-truth pose ends"),
-    Column("events", "what happened in them and how often, by kind: `arm_switched 4; score_fell 1`"),
-    Column("ms_refine", "time in the refiner [ms]", kind="time"),
-    Column("ms_simulate", "time in the physics simulation [ms]", kind="time"),
-    Column("ms_score", "time that iterations waited for scores [ms]", kind="time"),
-    Column("ms_total", "time of its iterations [ms]", kind="time"),
-    Column(
-        "cause",
-        "why the answer is wrong or missing, one of those below; needs ground truth, and `batch` without "
-        "`--no-diagnose`; without ground truth only `impossible`",
-    ),
-    Column(
-        "evidence",
-        "the cause in a sentence, with its numbers; where the camera, the models or the depth of the frame "
-        'look wrong it ends with that: "Look at the data first: …". Without ground truth it says that '
-        "alone, and also where the support plane looks wrong; where it says nothing of the data, why an answer is "
-        "physically impossible",
-    ),
-    Column(
-        "message",
-        "why there is no answer, or what was missing: no support plane, say; also that an answer is right "
-        "by ADD-S only, while ADD over the declared symmetries is above 10 % of the diameter",
-    ),
+    Column("scene_id"),
+    Column("im_id"),
+    Column("instance_id"),
+    Column("obj_id"),
+    Column("name"),
+    Column("method"),
+    Column("seed"),
+    Column("visib_fract"),
+    Column("has_truth"),
+    Column("status"),
+    Column("score", digits=None),
+    Column("initial_score", digits=None),
+    Column("colour_fit"),
+    Column("plausibility"),
+    Column("recorded_score", digits=None),
+    Column("missing_depth"),
+    Column("add_s_mm"),
+    Column("initial_add_s_mm"),
+    Column("rotation_deg"),
+    Column("translation_mm"),
+    Column("diameter_mm"),
+    Column("ar", digits=4),
+    Column("ar_vsd"),
+    Column("ar_mssd"),
+    Column("ar_mspd"),
+    Column("best_hypothesis"),
+    Column("best_iteration"),
+    Column("worst_iteration"),
+    Column("undetermined_mm"),
+    Column("undetermined_deg"),
+    Column("n_alike"),
+    Column("error_seen_mm"),
+    Column("right_seen"),
+    Column("n_hypotheses"),
+    Column("n_iterations"),
+    Column("grasp"),
+    Column("grasp_ground_truth"),
+    Column("events"),
+    Column("ms_refine", kind="time"),
+    Column("ms_simulate", kind="time"),
+    Column("ms_score", kind="time"),
+    Column("ms_total", kind="time"),
+    Column("cause"),
+    Column("evidence"),
+    Column("message"),
 )
 HEADER = ",".join(column.name for column in COLUMNS) + "\n"
 """The first line of frames.csv."""

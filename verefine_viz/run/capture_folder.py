@@ -20,18 +20,15 @@ from verefine_viz.core.files import id_of, read_json
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.writing import atomic, check_no_link, make_inside, wait_for_lock, write_json
 from verefine_viz.run.session_file import CAPTURE_HEAD, SCENE_ID, scene_folder
+from verefine_viz.scenes.bop_entries import FARTHEST_M, camera_entry, depth_image, model_file, truth_entry
 from verefine_viz.scenes.detections import encode_rle
 from verefine_viz.scenes.image_files import read_color, write_image
-from verefine_viz.scenes.meshes import Mesh, ply_bytes, size_entry
+from verefine_viz.scenes.meshes import Mesh, size_entry
 from verefine_viz.scenes.results_csv import ResultRow, read_results, write_results
 
 SESSION, DETECTIONS, ORDERS, NAMES = "session.toml", "detections.json", "orders.json", "obj_names.json"
 LOCK = ".lock"
 RESULTS = "*_kept-test.csv"
-DEPTH_STEPS_MM = (0.1, 1.0)
-"""Millimetres per step of the 16-bit depth images: the first in which the frame fits."""
-FARTHEST_M = 60.0
-"""Depth beyond counts as not measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +51,7 @@ class CapturedFrame:
 
     K: Float
     depth_m: Float
-    """(H, W) [m], 0 where nothing was measured, at most 60 m."""
+    """(H, W) [m], 0 where nothing was measured, at most ``FARTHEST_M``."""
     rgb: NDArray[np.uint8] | None
     objects: Sequence[CapturedObject]
     down_cam: Float | None
@@ -89,11 +86,6 @@ def _captured_object(target: Target) -> CapturedObject:
     return CapturedObject(model.name, mesh, instance.mask, poses, instance.T_cam_obj_gt, None)
 
 
-def _ply(mesh: Mesh, texture: Path) -> bytes:
-    skin = None if mesh.texture is None else (texture.name, mesh.texture.uv)
-    return ply_bytes(mesh.vertices_m, mesh.faces, mesh.vertex_colors, skin)
-
-
 def _info_entry(one: CapturedObject) -> dict[str, Any]:
     """Entry of an object in ``models_info.json``."""
     entry = size_entry(one.mesh.vertices_m, one.mesh.diameter_m)
@@ -102,30 +94,6 @@ def _info_entry(one: CapturedObject) -> dict[str, Any]:
         axis = one.symmetry_axis / np.linalg.norm(one.symmetry_axis)
         entry["symmetries_continuous"] = [{"axis": axis.tolist(), "offset": (500 * (low + high)).tolist()}]
     return entry
-
-
-def _ground_truth_entry(T_cam_obj_gt: Float | None, obj_id: int) -> dict[str, Any]:
-    """Entry of an object in ``scene_gt.json``; without a pose where it is unknown, as the file says what is there."""
-    if T_cam_obj_gt is None:
-        return {"obj_id": obj_id}
-    t_mm = (T_cam_obj_gt[:3, 3] * 1e3).tolist()
-    return {"cam_R_m2c": T_cam_obj_gt[:3, :3].ravel().tolist(), "cam_t_m2c": t_mm, "obj_id": obj_id}
-
-
-def _camera_entry(frame: CapturedFrame, step_mm: float) -> dict[str, Any]:
-    """Entry of a frame in ``scene_camera.json`` whose depth image counts in steps of ``step_mm`` [mm]."""
-    entry: dict[str, Any] = {"cam_K": frame.K.ravel().tolist(), "depth_scale": step_mm}
-    if frame.down_cam is not None:
-        entry["cam_R_w2c"] = _R_cam_world(frame.down_cam).ravel().tolist()
-    return entry
-
-
-def _R_cam_world(down_cam: Float) -> Float:
-    """(3, 3) for a world whose z is up; where its x points does not matter."""
-    up = -down_cam / np.linalg.norm(down_cam)
-    side = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
-    side /= np.linalg.norm(side)
-    return np.column_stack([side, np.cross(up, side), up])
 
 
 class CaptureFolder:
@@ -165,8 +133,7 @@ class CaptureFolder:
         number = 1 + max((id_of(key) or 0 for key in cameras), default=0)
         self._clear(number)
         self._write_models(new)
-        step_mm = next(step for step in DEPTH_STEPS_MM if frame.depth_m.max() * 1e3 / step < 65535)
-        steps = np.round(frame.depth_m * 1e3 / step_mm).astype(np.uint16)
+        steps, step_mm = depth_image(frame.depth_m)
         for kind, image in (("depth", steps), ("rgb", frame.rgb)):
             if image is not None:
                 write_image(self._image(kind, number), image)
@@ -174,7 +141,7 @@ class CaptureFolder:
         self._write_poses(number, frame.objects)
         self._write_ground_truth(number, frame.objects)
         self._write_order(number, frame)
-        cameras[str(number)] = _camera_entry(frame, step_mm)
+        cameras[str(number)] = camera_entry(frame.K, step_mm, frame.down_cam)
         self._write_session(cameras)
         # Names and the camera are last: without the names models do not count, without the camera the frame does not.
         write_json(self._folder / NAMES, self._names)
@@ -263,8 +230,8 @@ class CaptureFolder:
     def _is_mesh_of(self, obj_id: int, mesh: Mesh, new: CapturedObject | None) -> bool:
         """Whether it is the mesh that the object has, in the folder or as a new one."""
         path, texture = self._model_path(obj_id), self._texture_path(obj_id)
-        before = path.read_bytes() if new is None else _ply(new.mesh, texture)
-        if before != _ply(mesh, texture):
+        before = path.read_bytes() if new is None else model_file(new.mesh, texture)
+        if before != model_file(mesh, texture):
             return False
         if mesh.texture is None:
             return True
@@ -277,7 +244,7 @@ class CaptureFolder:
             if one.mesh.texture is not None:
                 write_image(texture, one.mesh.texture.image)
             with atomic(self._model_path(obj_id)) as part:
-                part.write_bytes(_ply(one.mesh, texture))
+                part.write_bytes(model_file(one.mesh, texture))
         if new:
             info = self._folder / "models" / "models_info.json"
             write_json(info, _json_or({}, info) | {str(obj_id): _info_entry(one) for obj_id, one in new.items()})
@@ -302,7 +269,7 @@ class CaptureFolder:
 
     def _write_ground_truth(self, number: int, objects: Sequence[CapturedObject]) -> None:
         if any(one.T_cam_obj_gt is not None for one in objects):
-            entries = [_ground_truth_entry(one.T_cam_obj_gt, self._id(one.name)) for one in objects]
+            entries = [truth_entry(one.T_cam_obj_gt, self._id(one.name)) for one in objects]
             write_json(self._gt_entries, _json_or({}, self._gt_entries) | {str(number): entries})
 
     def _write_order(self, number: int, frame: CapturedFrame) -> None:

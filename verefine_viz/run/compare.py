@@ -13,11 +13,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from verefine_viz.core.accuracy import PoseErrors
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
-from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.run.engine import Run
 
 

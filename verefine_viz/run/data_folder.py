@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.core.errors import InputError, one_line
+from verefine_viz.core.errors import InputError, VerefineError, one_line
 from verefine_viz.core.files import read_file
+from verefine_viz.core.frame_names import frame_name
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.run.built_in_sessions import named_session
@@ -26,9 +27,11 @@ from verefine_viz.scenes.bop_files import (
     splits_in,
     splits_to_open,
 )
-from verefine_viz.scenes.frames import frame_name, frames_of_scene
-from verefine_viz.scenes.layouts import lacking, readers, recording_in
+from verefine_viz.scenes.foreign_folders import what_is_not_read
+from verefine_viz.scenes.frames import frames_of_scene
+from verefine_viz.scenes.layouts import lacking, readers, recording_in, recordings_near
 from verefine_viz.scenes.recorded_frame import LayoutReader
+from verefine_viz.scenes.results_files import YAML, read_estimates
 
 SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera*.json", "session.toml"
 """Scenes of a BOP data set, the files that list the images of one, and the session of a folder of kept frames."""
@@ -53,6 +56,8 @@ def data_at(folder: Path, overrides: Mapping[str, Any]) -> KnownData | None:
         VerefineError: it is damaged, or the overrides do not fit it.
     """
     if folder.suffix in SUFFIXES and folder.is_file():
+        if (meant := _meant_folder(folder)) and not _holds_poses(folder):
+            raise InputError(f"{folder} holds no poses; {meant}")
         session, missing = results_session(folder, overrides)
         n = len(session.scene.frames)
         more = f" ({missing} more frame{'s' * (missing > 1)} of the file are not there)" if missing else ""
@@ -112,7 +117,7 @@ def _session(folder: Path, sections: Mapping[str, Mapping[str, Any]], overrides:
 
 def holds_frames(folder: Path) -> bool:
     """Whether a folder holds frames itself, not in folders of it that do."""
-    return any(reader.recognizes(folder) for reader in readers()) or any(folder.glob(f"{SCENES}/{CAMERAS}"))
+    return _is_recording(folder) or any(folder.glob(f"{SCENES}/{CAMERAS}"))
 
 
 def open_session(
@@ -135,14 +140,37 @@ def open_session(
         return known.session
     if path.is_dir() and not (path / SESSION).exists():
         raise InputError(f"{path} {layout_fault(path)}")
+    if path.is_file() and path.suffix != ".toml" and (meant := _meant_folder(path)):
+        raise InputError(f"{path} is no session; {meant}")
     return load_session(path, overrides)
 
 
 def layout_fault(folder: Path) -> str:
     """What a folder that is none of data lacks, or what was looked for."""
-    results = sorted(path for path in folder.iterdir() if path.suffix in SUFFIXES)
+    results = sorted(path for path in folder.iterdir() if path.suffix in SUFFIXES and _holds_poses(path))
     hint = f"; it holds poses, {results[0]}: open that file" if results else ""
-    return _meant(folder) or lacking(folder) or f"holds no data that are known; looked for {looked_for()}{hint}"
+    unknown = f"holds no data that are known; looked for {looked_for()}{hint}"
+    return _meant(folder) or lacking(folder) or what_is_not_read(folder) or unknown
+
+
+def _is_recording(folder: Path) -> bool:
+    return any(reader.recognizes(folder) for reader in readers())
+
+
+def _meant_folder(path: Path) -> str:
+    """A hint at the folder of a file where that is a recording; else empty."""
+    folder = path.absolute().parent
+    return f"did you mean its folder, {folder}?" if _is_recording(folder) else ""
+
+
+def _holds_poses(path: Path) -> bool:
+    """Whether a file with the ending of results may hold poses; YAML is looked into, as many programs write it."""
+    if path.suffix not in YAML:
+        return True
+    try:
+        return bool(read_estimates(path).rows)
+    except VerefineError:
+        return False
 
 
 def looked_for() -> str:
@@ -161,4 +189,5 @@ def _meant(folder: Path) -> str:
         if near := nearby_hint(scene / "scene_camera.json"):
             return f"has no {split}/{scene.name}/scene_camera.json{near}"
     below = [path for path in datasets_below(folder) if splits_to_open(path)]
-    return f"is no data set itself; did you mean {first_of(below, MOST_NAMED, ' or ')}?" if below else ""
+    meant = first_of(below, MOST_NAMED, " or ") if below else recordings_near(folder)
+    return f"is no data set itself; did you mean {meant}?" if meant else ""

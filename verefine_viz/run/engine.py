@@ -19,8 +19,9 @@ from verefine_viz.core.protocols import Method, RunState, Verifier, Watcher
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import Edit, Session
 from verefine_viz.run.plausible_verifier import are_comparable
-from verefine_viz.run.record import RunRecord, header_of
+from verefine_viz.run.record import RunRecord
 from verefine_viz.run.recorded_run import ReplayedMethod
+from verefine_viz.run.run_header import header_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +143,9 @@ class Run:
         run._again = again
         return run
 
-    def record(self, session: Session) -> RunRecord:
-        """The record of the run so far; ``session`` is what it is a run of."""
-        return RunRecord(header_of(self.problem, self._states[0], session), self.iterations)
+    def record(self, session: Session, weights: Mapping[str, str]) -> RunRecord:
+        """The record of the run so far; ``session`` is what it is a run of, ``weights`` as in :func:`header_of`."""
+        return RunRecord(header_of(self.problem, self._states[0], session, weights), self.iterations)
 
     @property
     def problem(self) -> Problem:

@@ -1,5 +1,5 @@
-"""Kernels (core/kernels.py) are compiled once after installing, a minute or two in all: says so, and has one process do
-it for all.
+"""Kernels (core/kernels.py) are compiled when they are first used, a minute or two in all: says so, and has one process
+do it for all.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numba.core.event import Event, Listener, install_listener
 
 from verefine_viz.core.writing import locked
 
-COMPILING = "Compiling kernels (once after installing); a minute or two in all."
+COMPILING = "Compiling kernels that are used for the first time; after installing up to two minutes in all."
 
 
 @contextmanager

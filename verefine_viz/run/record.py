@@ -5,28 +5,23 @@ Everything that draws, compares, explains or tabulates a run reads this; ``run/r
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field
 
+from verefine_viz.core.accuracy import CORRECT
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.number_kinds import Id, Real
-from verefine_viz.core.problem import Hypothesis, LeftOut, Problem
-from verefine_viz.core.protocols import RunState
+from verefine_viz.core.finding import Finding
+from verefine_viz.core.frame_names import parse_frame
+from verefine_viz.core.number_kinds import Id, Index, Real, Seed
+from verefine_viz.core.problem import Hypothesis, LeftOut
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import PoseScore
-from verefine_viz.core.setting_types import Index, Seed
-from verefine_viz.core.settings import Session
-from verefine_viz.run.session_file import parsed_toml, resolve, session_toml
-from verefine_viz.run.versions import versions
-from verefine_viz.scenes.frames import parse_frame
 
-FORMAT = 1
-"""Format of the run file; a reader refuses later ones."""
+FORMAT = 2
+"""Format of the run file; a reader refuses later ones, and reads :mod:`verefine_viz.run.first_format`."""
 DATA_FIRST = "Look at the data first:"
-"""Stands before what does not fit together in a frame's data, behind the cause."""
+"""Stands before each doubt about a frame's data, behind the cause."""
 WAITING = "not solved yet"
 """The message about a frame that has only just arrived in a watched folder; no table has such rows."""
 Status = Literal["ok", "no_answer", "left_out", "failed"]
@@ -74,82 +69,132 @@ Size = Annotated[float, Meta(ge=0, le=1e300)]
 class Answer(Struct, frozen=True, eq=False, kw_only=True):
     """What became of one object: its pose, its errors, its times, and why it is wrong. None, 0 or "" = unknown.
 
+    ``make tables`` writes the docstrings of what is a column of frames.csv into docs/tables.md.
+
     A frame that failed has one for each object that ground truth names; without ground truth, one without an object.
     """
 
     frame: str
     """``scene/image``."""
     instance_id: Id | None = None
+    """Number of the object in the frame, from 0: its place in ``scene_gt.json``; with masks from a detections file, its
+    rank by detection score."""
     obj_id: Id | None = None
+    """BOP's number of the object's model."""
     name: str = ""
+    """Name of the object's model."""
     method: str = ""
+    """Method of the session (``method.name``)."""
     seed: Seed | None = None
-    """Seed of the initial poses (hypotheses.seed)."""
+    """Seed of the initial poses (``hypotheses.seed``)."""
     visib_fract: Real | None = None
-    """Visible share of the object, where the data set knows it."""
+    """Visible share of the object, 0 to 1, where the data set says."""
     has_truth: bool = False
-    """Whether the data set has its ground truth; such an object counts for the recall, also without an answer."""
+    """Whether ground truth is known; every such object counts in the share of right ones, with an answer or without."""
     status: Status
-    """ok; no_answer: the object has no hypothesis; left_out: its mask or its model is missing or damaged; failed: the
-    whole frame is. ``message`` says why."""
+    """``ok``: there is an answer; ``no_answer``: there was no hypothesis; ``left_out``: its mask or its model is
+    missing or damaged (mend it: ``--retry-failed`` then solves the frame again), its mask is empty, or it was not
+    detected; ``failed``: its frame could not be solved. ``message`` says why."""
     T_cam_obj: Float | None = None
     """(4, 4) the answer [m]."""
     middle_m: Float | None = None
     """(3,) the middle of the object's bounding box, in its own frame [m]."""
     score: Real | None = None
+    """Verification score of the answer, 0 to 1."""
     initial_score: Real | None = None
-    """Best of the hypotheses."""
+    """Best score among the hypotheses as they were given."""
     colour_fit: Real | None = None
-    """f_c of the answer in [−1, 1]; None where colour does not count."""
+    """Colour term f_c of the answer, -1 to 1: correlation of rendered and observed colour; unknown where colour does
+    not count (``score.colour_weight`` is 0, or model or image have no contrast)."""
     plausibility: Real | None = None
-    """p of the answer in [0, 1]; None where plausibility does not count."""
+    """Plausibility p of the answer, 0 to 1: half of it for touching without sinking in, half for being stable; unknown
+    where it does not count (``score.plausibility_weight`` is 0, or no support plane is known)."""
     recorded_score: Real | None = None
-    """Score of the answer by the program whose steps were recorded, in its own units."""
+    """Score that the program whose steps were recorded gave to the answer, in its own units; unknown where nothing was
+    recorded, it gave none, or the answer is another pose."""
     missing_depth: Real | None = None
-    """Share of the object's mask without depth."""
+    """Share of the object's mask without depth, 0 to 1."""
     add_s_mm: Size | None = None
-    """ADD, or ADD-S for symmetric objects, of the answer against ground truth."""
+    """Error of the answer [mm]: ADD, the mean distance of model points from where they should be; for objects declared
+    symmetric ADD-S, from the nearest such point. Right is below 10 % of the diameter. Points are sampled on the surface
+    (docs/tables.md, What errors are measured on)."""
     initial_add_s_mm: Size | None = None
-    """ADD(-S) of the hypothesis with the best initial score."""
+    """ADD(-S) of the hypothesis with the best initial score [mm]."""
     rotation_deg: Size | None = None
+    """Rotation error of the answer [°], the smallest over declared symmetries."""
     translation_mm: Size | None = None
+    """Translation error of the answer [mm]."""
     diameter_mm: Size | None = None
+    """Diameter of the object's model [mm]."""
+    ar: Real | None = None
+    """Mean of ar_vsd, ar_mssd and ar_mspd: over many objects, 0 for one without an answer, BOP's average recall. Each
+    answer is compared with the ground truth of its own object, on its mesh in `models`."""
+    ar_vsd: Real | None = None
+    """Share of BOP's thresholds of VSD that the answer passes, 0 to 1."""
+    ar_mssd: Real | None = None
+    """Share of BOP's thresholds of MSSD that the answer passes, 0 to 1."""
+    ar_mspd: Real | None = None
+    """Share of BOP's thresholds of MSPD that the answer passes, 0 to 1."""
     best_hypothesis: Index | None = None
     """Number of the hypothesis that the answer comes from, from 1."""
     best_iteration: Index | None = None
-    """0 = the answer is an initial pose."""
+    """The iteration that made the answer, counted over the frame; 0: a hypothesis as it was given."""
     worst_iteration: Index | None = None
-    """The iteration that took this object furthest from its goal: by more than 3 % of the diameter, or by more than
-    0.01 of the score where there is no ground truth. None where none took it so far."""
+    """The iteration that gave up a correct pose for the wrong answer; else the one that took the accepted pose furthest
+    from the ground truth, if one added more than 3 % of the diameter to the error; without ground truth the one that
+    lost most score, if more than 0.01. None where none did. The page opens an answer here, else at ``best_iteration``.
+    """
     undetermined_mm: Real | None = None
-    """The furthest shift of the answer, along an axis of the table or the model, by which the score falls no more than
-    noise of the depth image explains."""
+    """How far the image allows the answer to be shifted along an axis of the table or of the model, all other motions
+    being free, with a probability of 95 % [mm]; at most 30: the longer side (docs/methods.md 1.15). The noise, and what
+    the answer leaves unexplained, are measured in the frame itself."""
     undetermined_deg: Real | None = None
-    """Width for a turn; 180 about an axis of symmetry."""
+    """How far it allows the answer to be turned so, about an axis through what is seen of the object [°]; 180 about an
+    axis of symmetry, declared or not."""
+    n_alike: Index = 0
+    """Poses elsewhere, such as flips, that fit as well as the answer or better."""
+    error_seen_mm: Real | None = None
+    """ADD(-S) to the nearest pose that the image allows beside ground truth [mm]: 0 to a few mm for a mug that is wrong
+    by its hidden handle alone. Of an answer that is right it is ``add_s_mm``."""
+    right_seen: bool | None = None
+    """Whether that is below 10 % of the diameter: right as far as the image shows."""
     n_hypotheses: Index = 0
+    """Hypotheses it started from."""
     n_iterations: Index = 0
+    """Iterations spent on it."""
     grasp: str = ""
-    """How a simulated grasp by the answer ends (``grasping/grasp_trial.py``); "" where none was tried."""
+    """How a simulated grasp by the answer ends, with ``batch --grasp`` (``grasp.answers``): ``success``, ``slipped``,
+    ``no contact``, ``collided with the target``, ``collided with a neighbour``, ``collided with the ground``, or ``no
+    collision-free grasp`` (docs/methods.md 8.4). Unknown where it was not tried: no answer, an object of the frame
+    without ground truth, no support plane."""
     grasp_ground_truth: str = ""
-    """Outcome by the ground-truth pose."""
+    """How a simulated grasp by the ground-truth pose ends."""
     events: str = ""
-    """Kinds and how often: ``arm_switched 4; score_fell 1``."""
+    """What happened in its iterations and how often, by kind: ``arm_switched 4; score_fell 1``."""
     ms_refine: Real = 0.0
+    """Time in the refiner [ms]."""
     ms_simulate: Real = 0.0
+    """Time in the physics simulation [ms]."""
     ms_score: Real = 0.0
+    """Time that iterations waited for scores [ms]."""
     ms_total: Real = 0.0
-    cause: str = ""
-    """Why the answer is wrong, where that is known."""
-    evidence: str = ""
-    """The cause in one sentence, with its numbers."""
+    """Time of its iterations [ms]."""
+    findings: tuple[Finding, ...] = ()
+    """Why it is wrong or cannot be, as far as that is known: the main reason first, then what else had a part in it."""
+    doubts: tuple[str, ...] = ()
+    """What of its frame's data does not fit together, and may be behind that, as far as it was checked."""
     message: str = ""
+    """Why there is no answer, or what was missing: no support plane, say; also that an answer is right by ADD-S only,
+    while ADD over the declared symmetries is above 10 % of the diameter."""
 
     @property
     def scene_id(self) -> int:
+        """BOP's number of the scene."""
         return parse_frame(self.frame)[0]
 
     @property
     def im_id(self) -> int:
+        """BOP's number of the image."""
         return parse_frame(self.frame)[1]
 
     @property
@@ -173,9 +218,20 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
         return self.status in ("ok", "no_answer")
 
     @property
-    def doubt(self) -> str:
-        """What of its frame's data does not fit together, as far as that was checked; else ""."""
-        return self.evidence.partition(DATA_FIRST)[2].strip()
+    def cause(self) -> str:
+        """Why the answer is wrong or missing, one of docs/causes.md; needs ground truth, and ``batch`` without
+        ``--no-diagnose``; without ground truth only ``impossible``.
+        """
+        return self.findings[0].cause if self.findings else ""
+
+    @property
+    def evidence(self) -> str:
+        """The cause in a sentence, with its numbers; where the camera, the models or the depth of the frame look wrong
+        it ends with that: "Look at the data first: …". Without ground truth it says that alone, and also where the
+        support plane looks wrong; where it says nothing of the data, why an answer is physically impossible.
+        """
+        sentences = [*(finding.text for finding in self.findings[:1]), *(f"{DATA_FIRST} {d}." for d in self.doubts)]
+        return " ".join(" ".join(sentences).split())
 
     @property
     def relative_error(self) -> float | None:
@@ -187,9 +243,13 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
     @property
     def is_correct(self) -> bool | None:
         """ADD(-S) below 10 % of the diameter; None without ground truth."""
-        if self.add_s_mm is None or self.diameter_mm is None:
-            return None
-        return self.add_s_mm < 0.1 * self.diameter_mm
+        limit_mm = self.correct_below_mm
+        return None if self.add_s_mm is None or limit_mm is None else self.add_s_mm < limit_mm
+
+    @property
+    def correct_below_mm(self) -> float | None:
+        """The ADD(-S) from which on an answer is wrong [mm]; None where the diameter is unknown."""
+        return None if self.diameter_mm is None else CORRECT * self.diameter_mm
 
 
 class RunEnd(Struct, frozen=True, eq=False, kw_only=True):
@@ -257,55 +317,3 @@ def unsolved(frame: str, one: LeftOut, status: Status, message: str, method: str
         status=status,
         message=message,
     )
-
-
-def failed_run(session: Session, frame: str, message: str, objects: Sequence[LeftOut] = ()) -> RunRecord:
-    """The record of a frame that could not be solved, with an answer about each object that is known to be in it."""
-    message, method, seed = " ".join(message.split()), session.method.name, session.hypotheses.seed
-    answers = tuple(unsolved(frame, one, "failed", message, method, seed) for one in objects)
-    if not answers:
-        answers = (Answer(frame=frame, method=method, seed=seed, status="failed", message=message),)
-    header = RunHeader(FORMAT, session_toml(session), frame, session.title, versions(session), ())
-    return RunRecord(header, (), RunEnd(answers=answers))
-
-
-def header_of(problem: Problem, state: RunState | None, session: Session) -> RunHeader:
-    """The header of a run of ``session``, given its state before the first iteration; None where nothing is scored."""
-    support = problem.observation.support
-    initial = [None] * len(problem.targets) if state is None else state.initial
-    objects = tuple(
-        ObjectHeader(
-            target.instance.instance_id,
-            target.instance.obj_id,
-            target.model.name,
-            target.model.diameter_m,
-            target.instance.T_cam_obj_gt,
-            target.instance.hypotheses,
-            () if scores is None else tuple(scores[j] for j in range(len(scores))),
-        )
-        for target, scores in zip(problem.targets, initial, strict=True)
-    )
-    return RunHeader(
-        FORMAT,
-        session_toml(session),
-        problem.frame,
-        session.title or problem.title,
-        versions(session),
-        objects,
-        problem.observation.T_map_cam,
-        None if support is None else support.T_world_cam,
-        problem.notes,
-    )
-
-
-def session_of(header: RunHeader) -> Session:
-    """The session that makes the same run.
-
-    Raises:
-        SettingsError: it is damaged, or this version cannot run it.
-    """
-    try:
-        raw = parsed_toml(header.session)
-    except ValueError:
-        raise SettingsError("the session of the run is no TOML") from None
-    return resolve(raw, "the session of the run")

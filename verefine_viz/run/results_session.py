@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.frame_names import frame_name
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import listed
 from verefine_viz.run.session_file import load_session
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.bop_files import splits_to_open
-from verefine_viz.scenes.frames import frame_name
-from verefine_viz.scenes.results_files import read_estimates
+from verefine_viz.scenes.results_files import YAML, read_estimates
 
-SUFFIXES = (".csv", ".npz", ".yml", ".yaml")
+SUFFIXES = (".csv", ".npz", *YAML)
 LEVELS_UP, MOST_FOLDERS = 3, 300
 """How far above the file a data set is looked for, and in how many folders there."""
 

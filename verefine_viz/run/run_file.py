@@ -12,7 +12,7 @@ import math
 import os
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,14 +23,16 @@ from msgspec import structs
 from verefine_viz.core.arrays import finite, frozen
 from verefine_viz.core.errors import InputError, one_line, quoted
 from verefine_viz.core.files import LONGEST, read_file
+from verefine_viz.core.frame_names import frame_name, parse_frame
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import NO_CONTACTS, Iteration, SimulatedPath
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import make_inside, new_file
-from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord, header_of, session_of
+from verefine_viz.run import first_format
+from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord
+from verefine_viz.run.run_header import NO_WEIGHTS, header_of, session_of
 from verefine_viz.run.session_file import parsed_toml
-from verefine_viz.scenes.frames import frame_name, parse_frame
 
 SUFFIX = ".vfrun"
 MAGIC = b"VEREFINE RUN\n"
@@ -42,10 +44,16 @@ R = TypeVar("R", RunHeader, Iteration, RunEnd)
 class RunFile:
     """Writes a run file. As a watcher of a run it writes the header and every iteration by itself."""
 
-    def __init__(self, path: Path, session: Session) -> None:
-        """Nothing is written before :meth:`begin` or :meth:`on_start`; the folder is made if needed."""
+    def __init__(self, path: Path, session: Session, weights: Mapping[str, str] = NO_WEIGHTS) -> None:
+        """Nothing is written before :meth:`begin` or :meth:`on_start`; the folder is made if needed.
+
+        Args:
+            path: the file, ``….vfrun``.
+            session: what is being run.
+            weights: hashes of the run's weights, for the header; those of a session: ``session_parts.weights_of``.
+        """
         self.path = path
-        self._session = session
+        self._session, self._weights = session, weights
         self._file = -1
 
     def begin(self, header: RunHeader) -> None:
@@ -57,7 +65,8 @@ class RunFile:
         self.close()
         make_inside(self.path.parent)
         self._file = new_file(self.path)
-        self._write(MAGIC + framed(_HEADER + _ENCODER.encode(header)))
+        # A record that was read from an older file is written as it is now.
+        self._write(MAGIC + framed(_HEADER + _ENCODER.encode(structs.replace(header, format=FORMAT))))
 
     def append(self, iteration: Iteration) -> None:
         """Raise InputError where the disk does not take it."""
@@ -87,7 +96,7 @@ class RunFile:
             self._file = -1
 
     def on_start(self, state: RunState) -> None:
-        self.begin(header_of(state.problem, state, self._session))
+        self.begin(header_of(state.problem, state, self._session, self._weights))
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
         self.append(iteration)
@@ -164,6 +173,8 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
             elif body[:1] == _END and end is None:
                 part = "its answers"
                 end = _END_DECODER.decode(body[1:])
+                if header.format == 1:
+                    end = first_format.with_findings(end, body[1:])
             else:
                 raise ValueError("it holds what no run writes there")
         _check(header, iterations)
@@ -390,7 +401,8 @@ def _check_end(header: RunHeader, end: RunEnd, n: int) -> None:
         n_arms = arms.get(answer.instance_id) if answer.instance_id is not None else None
         if n_arms is not None and (answer.best_hypothesis or 0) > n_arms:
             raise ValueError(f"the answer for {answer.name} is of hypothesis {answer.best_hypothesis} of {n_arms}")
-        if max(answer.best_iteration or 0, answer.worst_iteration or 0) > n:
+        places = [answer.best_iteration, answer.worst_iteration, *(finding.iteration for finding in answer.findings)]
+        if any(place is not None and place > n for place in places):
             raise ValueError(f"the answer for {answer.name} is of an iteration that is not in the file")
     n_made = sum(answer.n_iterations for answer in end.answers)
     if n_made != n:

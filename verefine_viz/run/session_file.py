@@ -28,12 +28,14 @@ TYPED = "command line"
 """Where settings come from that are in no file, in messages."""
 _ESTIMATORS = ("ppf", "pcs")
 """Sections that only an estimator of their name reads."""
-_BEFORE_IT = ("scene", "hypotheses", *_ESTIMATORS, "breakpoints", "recording")
+_BEFORE_IT = ("scene", "data", "hypotheses", *_ESTIMATORS, "breakpoints", "recording")
 """Sections of what comes before a run, and of what happens beside it."""
 AT_ITS_START = tuple(
     name for name, field in fields_of(Session).items() if isinstance(field.type, StructType) and name not in _BEFORE_IT
 )
 """Sections that can change when a run begins again on the same frame: all others."""
+WITH_ITS_DATA = ("data", "hypotheses")
+"""Sections that can change when the frame is read again, which gives other images or initial poses."""
 DURING_A_RUN = tuple(name for name in AT_ITS_START if name not in ("dependency", "grasp"))
 """Sections that can change from one iteration to the next; of physics, what is simulated but not in which world."""
 FILES = (
@@ -45,11 +47,15 @@ FILES = (
     ("physics", "collider_folder"),
     ("grasp", "folder"),
     ("scene", "layout"),
+    ("scene", "labels"),
+    ("scene", "models"),
 )
 """Sections and fields that name one file; of the scene and the hypotheses it depends on others what they name."""
 _READ_BY = {
-    ("scene", "dataset"): ("bop", "folder", "layout"),
+    ("scene", "dataset"): ("bop", "folder", "layout", "labels"),
     ("scene", "layout"): ("layout",),
+    ("scene", "labels"): ("labels",),
+    ("scene", "models"): ("labels",),
     ("scene", "demo"): ("demo",),
     ("scene", "turned"): ("demo", "layout"),
     ("hypotheses", "files"): ("results",),

@@ -8,7 +8,7 @@ from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import POSES_GIVEN, Session
 from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.estimators.registry import WEIGHTS as ESTIMATOR_WEIGHTS
-from verefine_viz.methods.registry import method_of
+from verefine_viz.methods.known_methods import method_of
 from verefine_viz.physics.registry import simulator_names
 from verefine_viz.refiners.registry import REFINERS, WEIGHTS
 from verefine_viz.rendering.registry import verifier_names

@@ -10,19 +10,21 @@ from typing import Any
 
 from msgspec import structs
 
+from verefine_viz.calibration.corrected_data import corrected
 from verefine_viz.core.errors import InputError, ShapeError, VerefineError, unknown
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Simulator, Verifier, Watcher
-from verefine_viz.core.settings import BULLET, Session, TrackedPose
+from verefine_viz.core.settings import BULLET, EQ_1, Session, StartPose, TrackedPose
 from verefine_viz.core.side_by_side import side_by_side
 from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
+from verefine_viz.methods.known_methods import method_of
 from verefine_viz.methods.object_method import Flips
 from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
-from verefine_viz.methods.registry import make_method, method_of
+from verefine_viz.methods.registry import make_method
 from verefine_viz.observation.dependency_graph import dependency_graph
 from verefine_viz.physics.colliders import Collider
 from verefine_viz.physics.plausibility import centre_of_mass, plausibility
@@ -40,11 +42,15 @@ from verefine_viz.run.engine import Run
 from verefine_viz.run.plausible_verifier import Check, PlausibleVerifier
 from verefine_viz.run.session_file import AT_ITS_START, changed
 from verefine_viz.run.session_parts import estimators_of
+from verefine_viz.run.start_poses import with_starts
 from verefine_viz.run.track import EarlierPose, Track, answers_of, tracked_poses, with_tracked
 from verefine_viz.scenes.frame_surroundings import AROUND, with_surroundings
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.scenes.instance_notes import is_about_initial_poses, within_reach
 from verefine_viz.scenes.source import SceneSource, open_scene
+
+PICTURED = 0.1
+"""Weight of colour in maps that are looked at where the score has none; its maps do not depend on it."""
 
 
 class Toolbox:
@@ -87,6 +93,14 @@ class Toolbox:
         return PlausibleVerifier(verifier, self._plausible_share, self.session.physics)
 
     @cached_property
+    def picture_verifier(self) -> Verifier:
+        """Draws the maps that are looked at: those of colour too, where the score does without it."""
+        score = self.session.score
+        if score.colour_weight > 0 or score.verifier != EQ_1:
+            return self.verifier
+        return make_verifier(structs.replace(score, colour_weight=PICTURED), self._progress)
+
+    @cached_property
     def _plausible_share(self) -> Check:
         """What the score has of plausibility."""
         tau_m, physics, surfaces, progress = self.session.score.tau_m, self.session.physics, Surfaces(), self._progress
@@ -121,6 +135,11 @@ class Toolbox:
             SettingsError: there is none of that name.
         """
         return {name: make_estimator(name, self.session) for name in sorted(estimators_of(self.session))}
+
+    @cached_property
+    def point_pairs(self) -> Estimator:
+        """What looks for objects that a person marks, wherever the session's initial poses come from."""
+        return make_estimator("ppf", self.session)
 
     @cached_property
     def method(self) -> Method[Any]:
@@ -163,9 +182,11 @@ class Toolbox:
             Cancelled: it is not wanted any more.
         """
         problem = self.source.problem(frame, replace(self._progress, preparing=preparing))
+        problem = corrected(problem, self.session.data, self.session.scene)
         with preparing():
             problem = self._solvable(problem)
         problem = with_tracked(self._with_estimates(problem), self._tracked(problem))
+        problem = with_starts(problem, self.session.starts, not self.session.scene.objects)
         notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
         notes += self._without_terms(problem)
         problem = replace(problem, notes=(*problem.notes, *notes)) if notes else problem
@@ -308,10 +329,12 @@ class Toolbox:
         """A toolbox with some settings replaced that can change during a run; what did not change is shared."""
         return self._sharing(changed(self.session, settings))
 
-    def restarted(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
-        """A toolbox for what can change at the start of a run: without edited poses and settings changed during it."""
+    def restarted(self, settings: dict[str, dict[str, Any]], starts: tuple[StartPose, ...] = ()) -> Toolbox:
+        """A toolbox for what can change at the start of a run: without edited poses and settings changed during it, and
+        with other ``starts``.
+        """
         session = changed(self.session, settings, AT_ITS_START)
-        return self._sharing(structs.replace(session, edits=(), changes=(), tracked=()))
+        return self._sharing(structs.replace(session, edits=(), changes=(), tracked=(), starts=starts))
 
     def _sharing(self, session: Session) -> Toolbox:
         score, has_same_physics = self.session.score, session.physics == self.session.physics

@@ -15,12 +15,12 @@ from msgspec import structs
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.geometry import inverse
 from verefine_viz.core.problem import Hypothesis, Instance, Problem
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session, TrackedPose
 from verefine_viz.run.engine import Run
-from verefine_viz.scenes.frames import parse_frame
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,10 @@ from msgspec import structs
 
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.presets import PRESETS, preset_fields
-from verefine_viz.core.settings import Session
+from verefine_viz.core.settings import Change, Session
 from verefine_viz.run.session_file import resolve
 
-SAME_FRAME = ("scene", "breakpoints", "recording", "edits", "changes", "title")
+SAME_FRAME = ("scene", "data", "breakpoints", "recording", "edits", "starts", "changes", "title")
 """What cannot be changed for a comparison, since both sides show the same frame, or has no effect on it."""
 Changes = Sequence[tuple[str, Any]]
 
@@ -79,3 +79,8 @@ def scores_alike(a: Session, b: Session) -> bool:
         return structs.replace(s.score, renderer="auto")
 
     return rule(a) == rule(b)
+
+
+def sorted_changes(changes: Sequence[Change]) -> list[Change]:
+    """Sort changes, the earliest first."""
+    return sorted(changes, key=lambda change: change.after_iteration)

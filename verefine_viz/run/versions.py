@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 from verefine_viz import __version__
-from verefine_viz.core.settings import Session
-from verefine_viz.run.session_parts import weights_of
 
 PACKAGES = (
     "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "onnxruntime", "moderngl", "viser",
@@ -18,11 +17,14 @@ OTHER_BUILDS = {"pybullet": "pybullet-arm64", "open3d": "open3d-cpu"}
 """Other builds of a package's code, with module names of the same; docs/decisions/other-builds.md."""
 
 
-def versions(session: Session) -> dict[str, str]:
-    """Python, the packages and the weights whose numbers enter a run of the session."""
-    return (
-        {"python": platform.python_version(), "machine": platform.machine()} | package_versions() | weights_of(session)
-    )
+def versions(weights: Mapping[str, str]) -> dict[str, str]:
+    """Python, the packages and the weights whose numbers enter a run.
+
+    Args:
+        weights: hashes of the run's weights by name, as :func:`verefine_viz.run.session_parts.weights_of` has them.
+    """
+    of_python = {"python": platform.python_version(), "machine": platform.machine()}
+    return of_python | package_versions() | dict(weights)
 
 
 @cache

@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -87,6 +87,7 @@ class BopDataset:
         sensor: the one whose images are read, where scenes have several; empty = plain names, else the first one
             (:func:`~verefine_viz.scenes.bop_files.files_of_scene`).
         model_sampling: how the points are spread.
+        needs_models: whether it is refused without models.
 
     Raises:
         InputError: the folder, the split or the models are not there.
@@ -100,6 +101,7 @@ class BopDataset:
         seed: int = 0,
         sensor: str = "",
         model_sampling: ModelSampling = "random",
+        needs_models: bool = True,
     ) -> None:
         self.folder = Path(folder)
         self.split = split
@@ -109,7 +111,9 @@ class BopDataset:
         splits = splits_in(self.folder)
         if split not in splits:
             raise InputError(f"{unknown('split', split, splits)} in {self.folder}{meant_dataset(self.folder, split)}")
-        self.models = ModelLibrary(self.folder, model_points, seed, model_sampling)
+        self._library = partial(ModelLibrary, self.folder, model_points, seed, model_sampling)
+        if needs_models:
+            _ = self.models
         self._scenes = scenes_in(self.folder / split)
         self._files: dict[int, SceneFiles] = {}
         self._coco: dict[int, CocoMasks] = {}
@@ -120,6 +124,11 @@ class BopDataset:
         """Why a scene's frames cannot be listed."""
         self._truths: dict[int, Numbered[tuple[TruthEntry, ...]] | None] = {}
         self._infos: dict[int, Numbered[tuple[InfoEntry, ...]] | None] = {}
+
+    @cached_property
+    def models(self) -> ModelLibrary:
+        """Models of the objects."""
+        return self._library()
 
     @property
     def name(self) -> str:

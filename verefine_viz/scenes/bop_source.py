@@ -10,6 +10,7 @@ from msgspec import structs
 
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
+from verefine_viz.core.frame_names import FrameIds, frame_name, parse_frame
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import LeftOut, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -18,8 +19,7 @@ from verefine_viz.core.text_format import LONGEST_NUMBERS, listed
 from verefine_viz.observation.observed_frame import observe
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.detections import DetectionsFile
-from verefine_viz.scenes.frame_lists import FrameIds
-from verefine_viz.scenes.frames import all_frames, frame_name, is_list, named_frames, parse_frame
+from verefine_viz.scenes.frames import all_frames, is_list, named_frames
 from verefine_viz.scenes.hypothesis_pool import (
     check_asked,
     check_covered,
@@ -81,6 +81,7 @@ class BopSource:
             *chain.from_iterable(self._dataset.truth_notes(chosen)),
             *(() if self._detections is None else self._detections.notes),
             *file_notes(self._results),
+            *self._shifted_notes(),
         )
         self._chosen = self._holding(chosen) if scene.objects else chosen
         scene_ids = dict.fromkeys(scene_id for scene_id, _ in self._chosen)
@@ -88,6 +89,13 @@ class BopSource:
         if scene.masks == "mask_visib":
             self.notes += self._dataset.mask_notes(scene_ids)
         self.frames: tuple[str, ...] = tuple(frame_name(ids) for ids in self._chosen)
+
+    def _shifted_notes(self) -> tuple[str, ...]:
+        """Notes about files whose object ids seem to be counted from 0, where models count from 1."""
+        used = {} if self._detections is None else {self._detections.path.name: self._detections.objects}
+        for file in self._results:
+            used[file.name] = frozenset[int]().union(*file.objects().values())
+        return tuple(note for of, ids in used.items() for note in self._dataset.models.shifted_note(ids, of))
 
     def check_initial_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""
@@ -112,6 +120,7 @@ class BopSource:
         if not self._dataset.has(*ids):  # It may have arrived since.
             self._read()
         image = self._dataset.image(*ids)
+        progress.seen(image.rgb)
         of_frame = self._segments(ids, image.camera)
         segments, notes = of_frame.segments, of_frame.notes
         progress.checkpoint()
@@ -154,10 +163,12 @@ class BopSource:
         return segments_of_folder(self._dataset, *ids, kind, camera.shape)
 
     def _wanted(self, segments: Sequence[Segment], frame: str) -> list[Segment]:
+        if not segments:
+            raise InputError(f"frame {frame} is empty: its ground truth (scene_gt.json) lists no object")
         wanted = [s for s in segments if not self._scene.objects or s.obj_id in self._scene.objects]
         if not wanted:
-            there = ", ".join(str(i) for i in sorted({s.obj_id for s in segments})) or "none"
-            asked = ", ".join(map(str, self._scene.objects)) or "any"
+            there = ", ".join(str(i) for i in sorted({s.obj_id for s in segments}))
+            asked = ", ".join(map(str, self._scene.objects))
             raise InputError(f"frame {frame} has no mask of object {asked}; objects with a mask: {there}")
         return wanted
 

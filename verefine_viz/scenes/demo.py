@@ -183,9 +183,8 @@ def _own_pools(
 
 
 def _notes(scene: DemoScene, hypotheses: HypothesesSettings) -> tuple[str, ...]:
-    notes: list[str] = []
-    if _own_poses(scene, hypotheses) is not None:
-        notes.append(
-            "the initial poses belong to this scene; hypotheses.rotation_deg and translation_mm do not change them"
-        )
-    return tuple(notes)
+    standard = HypothesesSettings()
+    asked = (hypotheses.rotation_deg, hypotheses.translation_mm) != (standard.rotation_deg, standard.translation_mm)
+    if not asked or _own_poses(scene, hypotheses) is None:
+        return ()
+    return ("the initial poses belong to this scene; hypotheses.rotation_deg and translation_mm do not change them",)

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.model import CONTINUOUS_STEPS, ObjectModel
 from verefine_viz.core.settings import ModelSampling
 from verefine_viz.scenes.meshes import Mesh, read_mesh
-from verefine_viz.scenes.models import CONTINUOUS_STEPS, model_of_mesh
+from verefine_viz.scenes.models import model_of_mesh
 
 # Shapes by formula: closed triangle meshes [m] with outward faces.
 

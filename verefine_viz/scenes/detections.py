@@ -12,9 +12,9 @@ from pycocotools import mask as coco
 
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.errors import ContentError, InputError
-from verefine_viz.core.files import decoded_json, first_line, read_entries
+from verefine_viz.core.files import decoded_json, first_line, read_entries, read_json
 from verefine_viz.core.number_kinds import Id, Real
-from verefine_viz.core.text_format import unusable
+from verefine_viz.core.text_format import listed, unusable
 from verefine_viz.scenes.image_files import size_text
 
 
@@ -38,6 +38,7 @@ class RunLengths(msgspec.Struct, frozen=True):
 
 MOST_PER_PIXEL = 8
 """Bytes of JSON that a run takes; of runs there are no more than pixels."""
+EXPECTED = "a list: [{scene_id, image_id, category_id, score, bbox, segmentation}, …]"
 NO_MASK = (b"null", b"{}", b"[]", b'""')
 """What stands for a box without a mask."""
 
@@ -59,19 +60,27 @@ class DetectionsFile:
         path: ``.json`` or ``.json.gz``.
 
     Raises:
-        InputError: the file is missing or damaged, or no entry can be used.
+        InputError: the file is missing or damaged, something else, or no entry can be used.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._entries: dict[tuple[int, int], list[tuple[int, DetectionEntry]]] = {}
-        entries, faults = read_entries(path, DetectionEntry)
+        try:
+            entries, faults = read_entries(path, DetectionEntry)
+        except InputError as error:
+            raise InputError(_other_kind(path) or str(error)) from None
         for k, entry in entries:
             self._entries.setdefault((entry.scene_id, entry.image_id), []).append((k, entry))
         if faults and not entries:
             raise InputError(f"{path}: {faults[0]}")
         self.notes: tuple[str, ...] = unusable("entry", path.name, faults)
         """About entries that cannot be used, whatever their image."""
+
+    @property
+    def objects(self) -> frozenset[int]:
+        """The objects that were detected in any image."""
+        return frozenset(entry.category_id for of_image in self._entries.values() for _, entry in of_image)
 
     @property
     def images(self) -> tuple[tuple[int, int], ...]:
@@ -107,8 +116,20 @@ class DetectionsFile:
             detections.append(Detection(entry.category_id, entry.score, mask))
         notes = unusable("detection", str(self.path), faults)
         if boxes:
-            notes += (f"{boxes} detections in {self.path.name} have a box but no mask; they are left out",)
+            have = "detection in {} has" if boxes == 1 else "detections in {} have"
+            expected = "'segmentation' in COCO's run lengths"
+            notes += (f"{boxes} {have.format(self.path.name)} a box but no mask; expected {expected}",)
         return tuple(sorted(detections, key=lambda d: -d.score)), notes
+
+
+def _other_kind(path: Path) -> str:
+    """What is wrong with a file that holds an object of JSON, as COCO's do, where a list is expected; else empty."""
+    try:
+        given = read_json(path, dict[str, msgspec.Raw])
+    except InputError:
+        return ""
+    of_coco = " as COCO has them" if "annotations" in given else ""
+    return f"{path} holds {listed(given)}{of_coco}; expected BOP's detections, {EXPECTED}"
 
 
 def mask_of(segmentation: msgspec.Raw, shape: tuple[int, int], where: str) -> Mask:

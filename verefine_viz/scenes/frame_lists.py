@@ -8,11 +8,9 @@ from functools import cache
 from importlib import resources
 
 from verefine_viz.core.errors import InputError, SettingsError, meant, quoted
+from verefine_viz.core.frame_names import FrameIds
 from verefine_viz.scenes.annotations import target_counts
 from verefine_viz.scenes.bop import BopDataset
-
-FrameIds = tuple[int, int]
-"""(scene, image)."""
 
 
 @dataclass(frozen=True)

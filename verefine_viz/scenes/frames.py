@@ -5,29 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from verefine_viz.core.errors import InputError, SettingsError, quoted
-from verefine_viz.core.files import id_of
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.frame_names import FrameIds, frame_name, parse_frame
 from verefine_viz.core.text_format import listed
 from verefine_viz.scenes.bop import BopDataset
-from verefine_viz.scenes.frame_lists import FrameIds, listed_frames
-
-
-def parse_frame(frame: str) -> FrameIds:
-    """(scene, image) of ``"50/1"``.
-
-    Raises:
-        SettingsError: it is not two numbers with a slash between.
-    """
-    scene, slash, image = frame.strip().partition("/")
-    scene_id, im_id = id_of(scene), id_of(image)
-    if not slash or scene_id is None or im_id is None:
-        raise SettingsError(f'frame {quoted(frame)} is not "scene/image", such as "50/1"')
-    return scene_id, im_id
-
-
-def frame_name(ids: FrameIds) -> str:
-    """``"50/1"`` of (50, 1)."""
-    return f"{ids[0]}/{ids[1]}"
+from verefine_viz.scenes.frame_lists import listed_frames
 
 
 def named_frames(dataset: BopDataset, frames: Sequence[str]) -> tuple[tuple[FrameIds, ...], tuple[str, ...]]:

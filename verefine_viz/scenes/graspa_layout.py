@@ -17,6 +17,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ContentError, InputError, SettingsError, unknown
 from verefine_viz.core.files import reading
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.geometry import as_rigid, check_reach, inverse, rounding_note, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import LeftOut, Placed, Problem
@@ -26,7 +27,7 @@ from verefine_viz.core.text_format import unusable
 from verefine_viz.observation.observed_frame import observe
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.scenes.demo_layout import CAMERA, Viewpoint, rest_poses, take_picture, turned
-from verefine_viz.scenes.frames import parse_frame, repeated_notes
+from verefine_viz.scenes.frames import repeated_notes
 from verefine_viz.scenes.hypothesis_pool import (
     check_asked,
     check_covered,

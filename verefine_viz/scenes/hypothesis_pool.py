@@ -13,12 +13,12 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
+from verefine_viz.core.frame_names import FrameIds, frame_name, parse_frame
 from verefine_viz.core.geometry import FARTHEST_M, axis_angle, random_unit_vector, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.settings import HypothesesSettings
 from verefine_viz.core.text_format import listed
-from verefine_viz.scenes.frames import FrameIds, frame_name, parse_frame
 from verefine_viz.scenes.results_csv import ResultRow, method_of
 from verefine_viz.scenes.results_files import read_estimates
 from verefine_viz.scenes.segments import Segment, best_owner, silhouette

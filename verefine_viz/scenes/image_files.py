@@ -1,4 +1,4 @@
-"""Images of a data set: colour, 16-bit depth, masks; png, jpg or tif."""
+"""Images of a data set: colour, 16-bit depth, masks; png, jpg or tif, or arrays of numpy (.npy)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,19 @@ from msgspec import Meta
 from numpy.typing import NDArray
 from PIL import Image
 
+from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import check_intrinsics
-from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.files import Numbers3x3, reading
+from verefine_viz.core.errors import ContentError, InputError, ShapeError, quoted
+from verefine_viz.core.files import Numbers3x3, id_of, read_file, reading
+from verefine_viz.core.label_images import labels_fault
 from verefine_viz.core.writing import atomic
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
-"""Looked for in this order."""
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy", ".exr")
+"""Looked for in this order. EXR is recognized, to say what to do."""
+LOSSY = (".jpg", ".jpeg")
+"""Their masks have values near 0 and 255 as well, which are no labels."""
+MOST_PIXELS = 89_000_000
 DEEPEST_M = 1e6
 """Largest depth that an image may hold [m]; a 16-bit one holds no more at any depth_scale that is taken."""
 
@@ -112,21 +117,44 @@ def read_steps(path: Path, scale_mm: float) -> Float:
     return raw
 
 
-def read_mask(path: Path, shape: tuple[int, int]) -> Mask:
-    """A mask (H, W) bool, read-only; every value above 0 is inside, of its alpha channel where that holds the mask.
+def read_mask(path: Path, shape: tuple[int, int], label: Path | None = None) -> Mask:
+    """A mask (H, W) bool of one object, read-only: every value above 0 is inside, of its alpha channel where that holds
+    the mask.
+
+    Args:
+        path: the image.
+        shape: (height, width) that it should have.
+        label: a text file with the number of the object's pixels, where images hold those of several objects.
 
     Raises:
-        InputError: missing, damaged, or another size than ``shape`` (height, width).
+        InputError: missing, damaged, of another size, or with the pixels of several objects and no ``label``.
     """
     image = _read(path)
-    values = np.asarray(image.convert("L"))
+    values = np.asarray(image if len(image.getbands()) == 1 else image.convert("L"))
     if "A" in image.getbands() and np.ptp(alpha := np.asarray(image.getchannel("A"))) > 0:
         values = alpha
     if values.shape != shape:
         raise InputError(f"{path} is {size_text(values.shape)} pixels, expected {size_text(shape)} as the depth image")
-    inside = values > 0
+    if values.dtype.kind == "f":
+        values = np.nan_to_num(values)
+        if (shares := values[values % 1 != 0]).size:
+            raise InputError(f"{path} holds shares, such as {shares[0]:.3g}; save it as mask > 0.5")
+    if label is not None and label.is_file():
+        inside = values == _label_in(label)
+    elif path.suffix.lower() not in LOSSY and (fault := labels_fault(values)):
+        choice = "" if label is None else f"; write the object's label to {label.parent.name}/{label.name}"
+        raise InputError(f"{path} {fault}{choice}")
+    else:
+        inside = np.asarray(image.convert("L")) > 0 if image.mode == "P" else values > 0
     inside.flags.writeable = False  # Else each of thousands is copied when it is frozen.
     return inside
+
+
+def _label_in(path: Path) -> int:
+    text = read_file(path, most_bytes=100).decode("utf-8", "replace").strip()
+    if not (label := id_of(text)):
+        raise InputError(f"{path}: {quoted(text)} is no label, expected a whole number above 0")
+    return label
 
 
 def size_text(shape: tuple[int, ...]) -> str:
@@ -150,15 +178,41 @@ def image_width(path: Path) -> int:
     Raises:
         InputError: missing, damaged, or no image.
     """
+    if path.suffix.lower() == ".npy":
+        return _read(path).width
     with reading(path, "image") as file, open_image(file) as image:
         return image.width
 
 
 def _read(path: Path) -> Image.Image:
-    with reading(path, "image") as file, open_image(file) as image:
-        image.load()
-        has_alphas = image.mode == "P" and isinstance(image.info.get("transparency"), bytes)
-        return image.convert("RGBA") if has_alphas else image.copy()
+    suffix = path.suffix.lower()
+    with reading(path, "array" if suffix == ".npy" else "image") as file:
+        if suffix == ".npy":
+            return _of_array(file)
+        if suffix == ".exr":
+            raise ContentError(f"EXR is not read; save its values by numpy.save as {path.stem}.npy")
+        with open_image(file) as image:
+            image.load()
+            has_alphas = image.mode == "P" and isinstance(image.info.get("transparency"), bytes)
+            return image.convert("RGBA") if has_alphas else image.copy()
+
+
+def _of_array(file: BinaryIO) -> Image.Image:
+    """The image of an array (H, W), also with a third axis of length 1, or of colours (H, W, 3) of 8 bits."""
+    with NPZ_READING:
+        given = np.load(file, allow_pickle=False)
+    if not isinstance(given, np.ndarray) or given.dtype.kind not in "biuf":
+        raise ContentError("expected one array of numbers (.npy)")
+    values = given.squeeze()
+    is_color = values.ndim == 3 and values.shape[2] == 3 and values.dtype == np.uint8
+    if (values.ndim != 2 and not is_color) or values.size > 3 * MOST_PIXELS:
+        raise ContentError(f"an array of shape {given.shape}, expected (height, width)")
+    if values.dtype.kind in "iu" and not -(2**31) <= int(values.min(initial=0)) <= int(values.max(initial=0)) < 2**31:
+        raise ContentError("it holds numbers of more than 32 bits")
+    kinds = {"b": np.uint8, "f": np.float32}
+    kind = values.dtype if values.dtype in (np.uint8, np.uint16) else kinds.get(values.dtype.kind, np.int32)
+    with np.errstate(over="ignore"):  # What is larger counts as infinite: not measured.
+        return Image.fromarray(np.ascontiguousarray(values, kind))
 
 
 # Numbers of scene_camera.json.

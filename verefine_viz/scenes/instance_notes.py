@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from verefine_viz.core.geometry import FARTHEST_M, distance_m
+from verefine_viz.core.data_remedies import MADE_FROM_TRUTH
+from verefine_viz.core.frame_names import FrameIds
+from verefine_viz.core.geometry import FARTHEST_M, apply, distance_m
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance
 from verefine_viz.core.text_format import listed
-from verefine_viz.scenes.frames import FrameIds
 from verefine_viz.scenes.hypothesis_pool import ResultsFile
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
 
@@ -55,7 +56,8 @@ def instance_notes(
             )
         if len(instance.points_cam):
             seen_m = float(np.median(instance.points_cam[:, 2]))
-            notes += [f"{name}: {sentence}" for sentence in _elsewhere(instance, seen_m, model.diameter_m)]
+            elsewhere = [*_elsewhere(instance, seen_m, model.diameter_m)] or [*_beside(instance, model)]
+            notes += [f"{name}: {sentence}" for sentence in elsewhere]
         else:
             notes.append(f"{name} has no depth inside its mask")
     return tuple(notes)
@@ -117,3 +119,13 @@ def _elsewhere(instance: Instance, seen_m: float, diameter_m: float) -> Iterator
         n = f"{len(far)} of its {len(away_m)} poses lie{'s' * (len(far) == 1)}" if len(away_m) > 1 else "its pose lies"
         such = f"{'such as ' * (len(far) > 1)}{whose}'s " + (f"at {z_m:.3g} m" if z_m > 0 else "behind the camera")
         yield f"{n} {_FAR_FROM_DEPTH} ({seen_m:.3g} m), {such}"
+
+
+def _beside(instance: Instance, model: ObjectModel) -> Iterator[str]:
+    """A sentence where every estimated pose lies further than the model is large from all depth inside the mask."""
+    given = [h for h in instance.hypotheses if not h.source.startswith(MADE_FROM_TRUTH)]
+    middles_cam = [apply(h.T_cam_obj, model.points.mean(axis=0)) for h in given]
+    away_m = [float(np.linalg.norm(instance.points_cam - middle, axis=1).min()) for middle in middles_cam]
+    if away_m and min(away_m) > model.diameter_m:
+        which = "its pose lies" if len(given) == 1 else f"all {len(given)} poses lie"
+        yield f"{which} {_FAR_FROM_DEPTH}, {min(away_m):.2g} m from it; check pose, mask and cam_K"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -17,9 +17,9 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError, one_line, quoted, unknown
 from verefine_viz.core.files import Numbered, Numbers3, Numbers4x4, id_of, read_json
 from verefine_viz.core.geometry import as_rigid, axis_angle, check_reach, transform
-from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.model import CONTINUOUS_STEPS, ObjectModel
 from verefine_viz.core.settings import ModelSampling
-from verefine_viz.core.text_format import MOST_NAMED, first_of, unusable
+from verefine_viz.core.text_format import MOST_NAMED, first_of, listed, unusable
 from verefine_viz.estimators.clouds import spread_out
 from verefine_viz.scenes.bop_files import nearby_hint
 from verefine_viz.scenes.meshes import Mesh, mesh_files, read_mesh, unit_of_format
@@ -42,10 +42,6 @@ class ModelInfo(msgspec.Struct, frozen=True):
     diameter: Annotated[float, Meta(ge=1e-3, le=1e6)] | None = None
     symmetries_discrete: tuple[Numbers4x4, ...] = ()
     symmetries_continuous: tuple[SymmetryAxis, ...] = ()
-
-
-CONTINUOUS_STEPS = 64
-"""Rotations that stand for a continuous symmetry (5.6° apart); the official scores use 315."""
 
 
 def symmetry_transforms(info: ModelInfo, where: str, continuous_steps: int = CONTINUOUS_STEPS) -> Float:
@@ -251,6 +247,13 @@ class ModelLibrary:
     def notes(self, obj_id: int) -> tuple[str, ...]:
         """Notes about the model: units guessed, texture missing, …"""
         return self._load(obj_id)[1]
+
+    def shifted_note(self, obj_ids: Collection[int], of: str) -> tuple[str, ...]:
+        """A note where object ids that a file (``of``) uses seem to count from 0: all are one less than a model's."""
+        if not obj_ids or min(obj_ids) != 0 or 0 in self.ids or not {i + 1 for i in obj_ids} <= {*self.ids}:
+            return ()
+        there = f"its object ids are {listed(sorted(obj_ids))}, those of models {listed(self.ids)}"
+        return (f"{of}: {there}; where it counts from 0, all are one too small: add 1 to each",)
 
     def _load(self, obj_id: int) -> tuple[ObjectModel, tuple[str, ...]]:
         if obj_id not in self._loaded:

@@ -17,11 +17,15 @@ from verefine_viz.core.errors import ContentError, InputError, ShapeError
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import FARTHEST_M, as_rigid, distance_m, rotation_of_quat_wxyz, transform
 from verefine_viz.core.problem import Hypothesis, RecordedStep
-from verefine_viz.scenes.image_files import find_image
-from verefine_viz.scenes.meshes import FORMATS
+from verefine_viz.scenes.image_files import find_image, read_steps
+from verefine_viz.scenes.meshes import FORMATS, read_geometry
 
+LABEL = "label.txt"
+"""File beside masks with the number of the object's pixels, where they hold those of several objects."""
 MOST_BYTES = 1_000_000
 """Size of a file with a matrix."""
+LARGEST_M, FARTHEST_MEDIAN_M = 5.0, 60.0
+"""A mesh that is larger, and depth with a median beyond, are in millimetres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +170,31 @@ def image_of(folder: Path, stem: str) -> Path:
     if path is None:
         raise InputError(f"{folder / f'{stem}.png'} is missing")
     return path
+
+
+def depth_of(path: Path) -> tuple[NDArray[np.float32], list[str]]:
+    """Depth (H, W) [m] of an image or an array in millimetres, or, as its median shows, in metres, which is noted."""
+    values = read_steps(path, 1.0)
+    measured = values[values > 0]
+    if len(measured) and float(np.median(measured)) <= FARTHEST_MEDIAN_M:
+        return values.astype(np.float32), [f"{path.name} has a median of {np.median(measured):.3g}: depth in metres"]
+    return (values * 1e-3).astype(np.float32), []
+
+
+def depth_in_steps(path: Path, scale_mm: float) -> tuple[NDArray[np.float32], list[str]]:
+    """Depth (H, W) [m] of an image or an array in steps of ``scale_mm``; an array of floats is in mm or m, as
+    :func:`depth_of` has it.
+    """
+    values = read_steps(path, scale_mm)
+    if path.suffix == ".npy" and (values % 1).any():
+        return depth_of(path)
+    return (values * (scale_mm * 1e-3)).astype(np.float32), []
+
+
+def unit_of(mesh: Path) -> float:
+    """Metres per unit of a mesh file, by its size: 1 or 0.001."""
+    size = float(np.linalg.norm(np.ptp(read_geometry(mesh)[0], axis=0)))
+    return 1e-3 if size > LARGEST_M else 1.0
 
 
 def meshes_in(folder: Path) -> tuple[Path, ...]:

@@ -11,12 +11,13 @@ from msgspec import structs
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, ShapeError, VerefineError, unknown
+from verefine_viz.core.frame_names import frame_name, parse_frame
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance, LeftOut, Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.observation.observed_frame import observe
-from verefine_viz.scenes.frames import frame_name, parse_frame, repeated_notes
+from verefine_viz.scenes.frames import repeated_notes
 from verefine_viz.scenes.hypothesis_pool import check_asked, check_covered, file_notes, pools_of_frame, results_of
 from verefine_viz.scenes.instance_notes import instance_notes
 from verefine_viz.scenes.layouts import readers, recording_in
@@ -125,6 +126,7 @@ class RecordedSource:
         self._check_frame(frame)
         progress.checkpoint(f"Reading the pictures of frame {frame}.")
         recorded = self._recording.frame(self._names[frame])
+        progress.seen(recorded.rgb)
         for one in recorded.objects:
             self._obj_ids.setdefault(one.name, max(self._obj_ids.values(), default=0) + 1)
         try:

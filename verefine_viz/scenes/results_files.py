@@ -19,6 +19,7 @@ from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.results_csv import HEADER, Estimates, ResultRow, read_poses
 
 PICKLED = (".pkl", ".pickle", ".pth", ".pt", ".tar")
+YAML = (".yml", ".yaml")
 IDS = (("scene_id",), ("im_id", "image_id", "view_id"), ("obj_id", "object_id", "category_id"))
 FARTHEST_IN_METRES = 20.0
 """Poses whose median distance is larger are in millimetres."""
@@ -34,7 +35,7 @@ def read_estimates(path: Path | str) -> Estimates:
     path = Path(path)
     if path.suffix in PICKLED:
         raise InputError(f"{path} is pickled, and reading it could run code; write its poses as a CSV: {HEADER}")
-    if path.suffix in (".yml", ".yaml"):
+    if path.suffix in YAML:
         return _rows_of_yaml(path)
     return _rows_of_arrays(path) if path.suffix == ".npz" else read_poses(path)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float, Mask, writable
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.frame_names import frame_name
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Instance, LeftOut, Placed
 from verefine_viz.core.settings import SceneSettings
@@ -23,7 +24,6 @@ from verefine_viz.scenes.annotations import GroundTruth
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.bop_files import MaskFolder, nearby_hint
 from verefine_viz.scenes.detections import Detection, DetectionsFile
-from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.models import ModelLibrary
 
 FEWEST_MASK_PX = 10
@@ -116,9 +116,8 @@ def segments_of_detections(
     """
     detections, notes = file.of_image(scene_id, im_id, camera.shape)
     if not detections:
-        there = listed(frame_name(ids) for ids in file.images)
-        why = f"; {notes[0]}" if notes else f"; it has {there}"
-        raise InputError(f"{file.path} has no masks for frame {scene_id}/{im_id}{why}")
+        why = notes[0] if notes else f"its detections are of {listed(frame_name(ids) for ids in file.images)}"
+        raise InputError(f"{file.path} has no masks for frame {scene_id}/{im_id}: {why}")
     empty = sum(not d.mask.any() for d in detections)
     if empty:
         notes += (f"{empty} detections in {file.path.name} have an empty mask; they are left out",)

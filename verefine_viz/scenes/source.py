@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Protocol
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.problem import LeftOut, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.scenes.frames import parse_frame, repeated_notes
+from verefine_viz.scenes.frames import repeated_notes
 from verefine_viz.scenes.hypothesis_pool import check_asked
 
 
@@ -82,6 +83,10 @@ def open_scene(scene: SceneSettings, hypotheses: HypothesesSettings) -> SceneSou
         from verefine_viz.scenes.graspa_layout import LayoutSource
 
         return LayoutSource(scene, hypotheses)
+    if scene.source == "labels":
+        from verefine_viz.scenes.labelled_source import LabelledSource
+
+        return LabelledSource(scene, hypotheses)
     return DemoSource(scene, hypotheses)
 
 

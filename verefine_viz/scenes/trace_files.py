@@ -19,6 +19,7 @@ from verefine_viz.core.arrays import Float, frozen, plain_array
 from verefine_viz.core.errors import ContentError, InputError, ShapeError, one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, decoded_json, first_line, reading
 from verefine_viz.core.geometry import as_rigid, check_reach, rounding_note
+from verefine_viz.core.label_images import labels_fault, labels_in
 from verefine_viz.core.number_kinds import Real
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.core.text_format import unusable
@@ -225,7 +226,7 @@ def _object(
     name, mask = one_line(begun.name), None
     if begun.mask:
         try:
-            mask = frozen(_loaded(folder / begun.mask, np.bool_), "the mask", shape, np.bool_)
+            mask = frozen(_mask_in(folder / begun.mask), "the mask", shape, np.bool_)
         except (InputError, ShapeError) as error:
             notes.append(f"{name}: its mask is left out: {error}")
     poses: dict[int, list[tuple[Call, Float]]] = {}
@@ -318,7 +319,15 @@ def _depth_of(path: Path) -> NDArray[np.float32]:
 
 def _loaded(path: Path, dtype: DTypeLike) -> NDArray[Any]:
     with reading(path, most_bytes=MOST_BYTES) as file, NPZ_READING:
-        array = np.load(file, allow_pickle=False)
-        if dtype is np.bool_ and isinstance(array, np.ndarray) and array.dtype.kind in "iu":
-            array = array != 0
-        return plain_array(array, dtype)
+        return plain_array(np.load(file, allow_pickle=False), dtype)
+
+
+def _mask_in(path: Path) -> NDArray[Any]:
+    """The pixels of one object, of whole numbers all that are not 0."""
+    with reading(path, most_bytes=MOST_BYTES) as file, NPZ_READING:
+        values = np.load(file, allow_pickle=False)
+        if not isinstance(values, np.ndarray) or values.dtype.kind not in "iu":
+            return plain_array(values, np.bool_)
+        if values.ndim == 2 and (fault := labels_fault(values)):
+            raise ContentError(f"it {fault}: mask == {labels_in(values)[0]}")
+        return values != 0

@@ -22,6 +22,7 @@ SEVERAL = (("EVEN", "even"), ("EXPL", "expl"), ("RIR", "rir"))
 ROTATION_DEG, TRANSLATION_MM = 5.0, 5.0
 """Error of the initial poses where depth is missing."""
 LIMITED = "PIR is limited under translation: it keeps only the rotation that physics finds"
+SUPERVISED = "supervision gains most under translation error"
 POSES = ("hypotheses", "scene.gravity", "physics.support", "physics.mesh", "physics.dropped")
 """What the ablation makes itself: initial poses, and the support plane."""
 
@@ -52,7 +53,12 @@ def ablation(quick: bool = False, refiner: str = "densefusion") -> Study:
             Claim("PIR", "PhysAfter"),
             Claim(alone, "PhysAfter", reading="PhysAfter is worse than the refiner alone"),
         ),
-        "translation": (Claim("PhysBefore", "PIR", reading=LIMITED), Claim("PhysAfter", "PIR", reading=LIMITED)),
+        "translation": (
+            Claim("PhysBefore", "PIR", reading=LIMITED),
+            Claim("PhysAfter", "PIR", reading=LIMITED),
+            Claim("SIR", "PIR", reading=SUPERVISED, than=_single_panel("rotation")),
+            Claim("SIR", alone, reading=SUPERVISED, than=_single_panel("rotation")),
+        ),
     }
     top: list[Panel] = []
     bottom: list[Panel] = []
@@ -60,9 +66,14 @@ def ablation(quick: bool = False, refiner: str = "densefusion") -> Study:
         label = f"{error} error [{unit}]"
         one = (*of_error[error], Claim("SIR", "PIR"), Claim("SIR", alone))
         name = f"{error}, {HYPOTHESES} hypotheses"
-        top.append(Panel(f"{error}, 1 hypothesis", label, xs, _single(budget), _initial_poses(error, 1), one, about))
+        top.append(Panel(_single_panel(error), label, xs, _single(budget), _initial_poses(error, 1), one, about))
         bottom.append(Panel(name, label, xs, (*five, sir), _initial_poses(error, HYPOTHESES), several, about))
     return Study("ablation", "Ablation (Fig. 4)", (*top, *bottom), POSES)
+
+
+def _single_panel(error: str) -> str:
+    """Name of the panel with one hypothesis."""
+    return f"{error}, 1 hypothesis"
 
 
 def _single(budget: Budget) -> tuple[StudyCurve, ...]:

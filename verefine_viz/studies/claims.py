@@ -6,7 +6,7 @@ errors and seeds of an object in a frame go along with it: they are no further o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,8 @@ MOST_DIGITS = 4
 
 Points = Mapping[tuple[str, str, float], Sequence[UnitAnswer]]
 """Outcomes by panel, curve and x."""
+Case = tuple[float, str, str, int | None, int | None]
+"""What two curves have alike: x, scene, frame, object and seed."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class ClaimVerdict:
 
     claim: Claim
     spread: Spread
-    """Mean of the better less that of the worse, over the claim's x."""
+    """Mean of the better less that of the worse, over the claim's x; less the same of ``claim.than``, where it names
+    another panel."""
     n_objects: int
     """Objects in frames, of which the interval is made."""
 
@@ -77,7 +80,8 @@ class ClaimVerdict:
         of = "" if c.metric == "ar" else f" in {c.metric.removeprefix('ar_').upper()}"
         to_x = f" up to {c.to_x:g}" if np.isfinite(c.to_x) else ""
         from_x = f" from {c.from_x:g} on" if np.isfinite(c.from_x) else ""
-        return f"{c.better} over {c.worse}{of}{from_x}{to_x}"
+        than = f", less that of {c.than}" if c.than else ""
+        return f"{c.better} over {c.worse}{of}{from_x}{to_x}{than}"
 
     def __str__(self) -> str:
         return f"{self.about}: {self.word}, {self.numbers} points, {self.n_objects} objects"
@@ -104,25 +108,25 @@ class _Objects:
         mine = [o for (name, _, _), outcomes in points.items() if name == panel.name for o in outcomes]
         scenes = sorted({self._scene(o) for o in mine})
         self._by_scene = len(scenes) >= FEWEST_SCENES
-        self._units = scenes if self._by_scene else sorted({(o.scene, o.frame) for o in mine})
-        self._models = sorted({(o.obj_id, o.name) for o in mine})
+        self._units = scenes if self._by_scene else sorted({(o.scene, o.answer.frame) for o in mine})
+        self._models = sorted({(o.answer.obj_id, o.answer.name) for o in mine})
         # Every curve may be missing.
         self._shape = max(len(self._units), 1), max(len(self._models), 1)
         self.draws: Draws = draws(*self._shape)
 
-    def cells(self, outcomes: Collection[UnitAnswer], value: Callable[[UnitAnswer], float]) -> CellSums:
-        """Sums of ``value`` by frame and model."""
+    def cells(self, values: Iterable[tuple[UnitAnswer, float]]) -> CellSums:
+        """Sums of values by the frame and model of the answer that each belongs to."""
         total, n = np.zeros((2, *self._shape))
-        for o in outcomes:
-            unit = self._scene(o) if self._by_scene else (o.scene, o.frame)
-            at = self._units.index(unit), self._models.index((o.obj_id, o.name))
-            total[at] += value(o)
+        for o, value in values:
+            unit = self._scene(o) if self._by_scene else (o.scene, o.answer.frame)
+            at = self._units.index(unit), self._models.index((o.answer.obj_id, o.answer.name))
+            total[at] += value
             n[at] += 1
         return CellSums(total, n)
 
     @staticmethod
     def _scene(o: UnitAnswer) -> tuple[str, str]:
-        return o.scene, o.frame.partition("/")[0]
+        return o.scene, o.answer.frame.partition("/")[0]
 
 
 def lines(panel: Panel, points: Points) -> list[PanelLine]:
@@ -134,7 +138,8 @@ def lines(panel: Panel, points: Points) -> list[PanelLine]:
 def _line(panel: Panel, label: str, points: Points, objects: _Objects) -> PanelLine:
     ends: list[tuple[float, float, float]] = []
     for x in panel.xs:
-        s = objects.draws.mean(objects.cells(points.get((panel.name, label, x), ()), lambda o: o.quality.ar))
+        answers = points.get((panel.name, label, x), ())
+        s = objects.draws.mean(objects.cells((o, o.recall("ar")) for o in answers))
         value = np.nan if s is None else s.value
         # Of a single object there is no interval.
         ends.append((value, value, value) if s is None or s.low is None or s.high is None else (value, s.low, s.high))
@@ -147,26 +152,39 @@ def verdicts(panel: Panel, points: Points) -> list[ClaimVerdict]:
     objects = _Objects(panel, points)
     tested: list[ClaimVerdict] = []
     for claim in panel.claims:
-        better, worse = (_by_case(panel, label, claim, points) for label in (claim.better, claim.worse))
-        cases = better.keys() & worse.keys()
-
-        def value(o: UnitAnswer, metric: Metric = claim.metric) -> float:
-            return float(getattr(o.quality, metric))
-
-        a, b = (objects.cells([of[case] for case in sorted(cases)], value) for of in (better, worse))
+        pairs = _pairs(panel.name, claim, points)
+        more = {case: better.recall(claim.metric) for case, (better, _) in pairs.items()}
+        less = {case: worse.recall(claim.metric) for case, (_, worse) in pairs.items()}
+        if claim.than:
+            others = _pairs(claim.than, claim, points)
+            more, less = _gains(pairs, claim.metric), _gains(others, claim.metric)
+        cases = sorted(more.keys() & less.keys())
+        answers = [pairs[case][0] for case in cases]
+        a, b = (objects.cells(zip(answers, map(of.__getitem__, cases), strict=True)) for of in (more, less))
         spread = objects.draws.difference(a, b)
         if spread is not None:
-            seen = {(o.scene, o.frame, o.instance_id) for o in (better[case] for case in cases)}
+            seen = {(o.scene, o.answer.frame, o.answer.instance_id) for o in answers}
             tested.append(ClaimVerdict(claim, spread, len(seen)))
     return tested
 
 
-def _by_case(
-    panel: Panel, label: str, claim: Claim, points: Points
-) -> dict[tuple[float, str, str, int, int], UnitAnswer]:
-    xs = [x for x in panel.xs if claim.from_x <= x <= claim.to_x]
-    outcomes = (o for x in xs for o in points.get((panel.name, label, x), ()))
-    return {(o.x, o.scene, o.frame, o.instance_id, o.seed): o for o in outcomes}
+def _pairs(panel: str, claim: Claim, points: Points) -> dict[Case, tuple[UnitAnswer, UnitAnswer]]:
+    """Answers of the claim's two curves in a panel, by what both have."""
+    better, worse = (_by_case(panel, label, claim, points) for label in (claim.better, claim.worse))
+    return {case: (better[case], worse[case]) for case in better.keys() & worse.keys()}
+
+
+def _gains(pairs: Mapping[Case, tuple[UnitAnswer, UnitAnswer]], metric: Metric) -> dict[Case, float]:
+    return {case: better.recall(metric) - worse.recall(metric) for case, (better, worse) in pairs.items()}
+
+
+def _by_case(panel: str, label: str, claim: Claim, points: Points) -> dict[Case, UnitAnswer]:
+    return {
+        (x, o.scene, o.answer.frame, o.answer.instance_id, o.answer.seed): o
+        for (name, curve, x), outcomes in points.items()
+        if (name, curve) == (panel, label) and claim.from_x <= x <= claim.to_x
+        for o in outcomes
+    }
 
 
 def rows(study: Study, points: Points) -> Iterator[dict[str, str | float]]:
@@ -190,17 +208,17 @@ def rows(study: Study, points: Points) -> Iterator[dict[str, str | float]]:
 
 def _numbers(mine: Sequence[UnitAnswer]) -> dict[str, float]:
     add, turn, shift = (
-        np.array([v for o in mine if (v := getattr(o.quality, name)) is not None] or [np.nan])
+        np.array([v for o in mine if (v := getattr(o.answer, name)) is not None] or [np.nan])
         for name in ("add_s_mm", "rotation_deg", "translation_mm")
     )
     return {
-        "ar_vsd": float(np.mean([o.quality.ar_vsd for o in mine])),
-        "ar_mssd": float(np.mean([o.quality.ar_mssd for o in mine])),
-        "ar_mspd": float(np.mean([o.quality.ar_mspd for o in mine])),
+        "ar_vsd": float(np.mean([o.recall("ar_vsd") for o in mine])),
+        "ar_mssd": float(np.mean([o.recall("ar_mssd") for o in mine])),
+        "ar_mspd": float(np.mean([o.recall("ar_mspd") for o in mine])),
         "rotation_deg": float(turn.mean()),
         "translation_cm": float(shift.mean()) / 10,
         "median_add_s_mm": float(np.median(add)),
-        "below_10_percent": float(np.mean([o.quality.relative is not None and o.quality.relative < 0.1 for o in mine])),
+        "below_10_percent": float(np.mean([o.answer.is_correct is True for o in mine])),
         "ms_per_object": float(np.mean([o.ms for o in mine])),
         "refiner_calls_per_object": float(np.mean([o.refiner_calls for o in mine])),
     }

@@ -65,10 +65,12 @@ class GraspOrder:
 
 def grasp_order(panel: Panel, outcomes: Sequence[UnitAnswer]) -> list[GraspOrder]:
     """The paper's order of the table's rows, tested on pairs of the same trial."""
-    by_curve: dict[str, dict[tuple[str, str, int, int], bool]] = {}
+    by_curve: dict[str, dict[tuple[str, str, int | None, int | None], bool]] = {}
     for o in outcomes:
         if o.panel == panel.name:
-            by_curve.setdefault(o.curve, {})[o.scene, o.frame, o.instance_id, o.seed] = o.grasp == "success"
+            by_curve.setdefault(o.curve, {})[o.scene, o.answer.frame, o.answer.instance_id, o.answer.seed] = (
+                o.grasp == "success"
+            )
     tested: list[GraspOrder] = []
     for claim in panel.claims:
         better, worse = by_curve.get(claim.better, {}), by_curve.get(claim.worse, {})
@@ -94,8 +96,8 @@ def grasp_rows(study: Study, outcomes: Sequence[UnitAnswer]) -> list[dict[str, s
         for curve in panel.curves:
             for x in panel.xs:
                 mine = [o for o in outcomes if (o.panel, o.curve, o.x) == (panel.name, curve.label, x)]
-                for name in (*sorted({o.name for o in mine}), ALL):
-                    some = [o for o in mine if name in (o.name, ALL)]
+                for name in (*sorted({o.answer.name for o in mine}), ALL):
+                    some = [o for o in mine if name in (o.answer.name, ALL)]
                     if some:
                         rows.append(_row(panel.name, curve.label, x, name, some))
     return rows
@@ -140,7 +142,7 @@ def report_grasps(study: Study, outcomes: Sequence[UnitAnswer], out: Path, about
     text = [f"# {study.title}", "", f"{about.data}.", "", *([f"{about.mark}.", ""] if about.mark else [])]
     text += [table.markdown(), "", *(f"- {order}" for order in orders), ""]
     text += [f"![{study.title}](grasping.png)", ""] if diagrams else []
-    text += [*PAPER_TABLE, "", *_differences(sorted({o.name for o in outcomes}))]
+    text += [*PAPER_TABLE, "", *_differences(sorted({o.answer.name for o in outcomes}))]
     write_text(out / "grasping.md", text)
     console = printing_console()
     console.print(table.terminal())

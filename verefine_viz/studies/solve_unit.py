@@ -4,79 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from functools import lru_cache
+from dataclasses import dataclass
+from typing import Any
 
 import msgspec
-import numpy as np
 from msgspec import Struct, structs
 
+from verefine_viz.batch.summary import answer_errors, object_facts
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.clock import clock
 from verefine_viz.core.errors import InputError, UnavailableError
-from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.settings import Session
-from verefine_viz.evaluation.averages import average_recalls
-from verefine_viz.evaluation.bop_model import EvalModel, eval_model
-from verefine_viz.evaluation.ground_truth import GtImage, GtInstance
-from verefine_viz.evaluation.pair_errors import DrawnTruth, pair_errors
-from verefine_viz.evaluation.pose_errors import pose_errors
-from verefine_viz.evaluation.vsd import DELTA_MM
 from verefine_viz.grasping.grasp_answer import GraspScene
+from verefine_viz.run.record import Answer
 from verefine_viz.run.toolbox import Toolbox
-from verefine_viz.studies.study_plan import Panel, StudyCurve, Unit
-
-
-class Quality(Struct, frozen=True):
-    """How good an answer is: the shares of BOP's thresholds that it passes, and its errors. No answer passes none."""
-
-    ar_vsd: float = 0.0
-    ar_mssd: float = 0.0
-    ar_mspd: float = 0.0
-    add_s_mm: float | None = None
-    relative: float | None = None
-    """ADD(-S) as a share of the diameter."""
-    rotation_deg: float | None = None
-    translation_mm: float | None = None
-
-    @property
-    def ar(self) -> float:
-        """Mean of the three recalls; over many objects, BOP's average recall."""
-        return (self.ar_vsd + self.ar_mssd + self.ar_mspd) / 3
-
-
-def quality(target: Target, T_est: Float | None, problem: Problem) -> Quality:
-    """Quality of the answer ``T_est`` (4, 4) [m], or None; ``problem``, with all its depth, says what is visible.
-
-    Source: Hodan et al., BOP challenge 2019.
-    """
-    T_gt = target.instance.T_cam_obj_gt
-    assert T_gt is not None, "studies are about objects with ground truth only"
-    if T_est is None:
-        return Quality()
-    instance, observation = target.instance, problem.observation
-    gt = GtInstance(instance.instance_id, instance.obj_id, T_gt[:3, :3], T_gt[:3, 3] * 1e3, 1.0)
-    image = GtImage(observation.camera.K, observation.camera.width, observation.depth_m * np.float32(1e3), (gt,))
-    estimate = T_est[:3, :3], T_est[:3, 3] * 1e3
-    pair = pair_errors(DrawnTruth(image), _model(target.model), [estimate], [gt], DELTA_MM)
-    recalls = average_recalls(pair.kinds[:, 0])
-    errors = pose_errors(target.model, T_est, T_gt)
-    return Quality(
-        ar_vsd=recalls.ar_vsd,
-        ar_mssd=recalls.ar_mssd,
-        ar_mspd=recalls.ar_mspd,
-        add_s_mm=errors.add_s_mm,
-        relative=errors.relative,
-        rotation_deg=errors.rotation_deg,
-        translation_mm=errors.translation_mm,
-    )
-
-
-@lru_cache(maxsize=64)
-def _model(model: ObjectModel) -> EvalModel:
-    return eval_model(model)
+from verefine_viz.studies.study_plan import Metric, Panel, StudyCurve, Unit
 
 
 class UnitAnswer(Struct, frozen=True, kw_only=True):
@@ -84,30 +29,35 @@ class UnitAnswer(Struct, frozen=True, kw_only=True):
 
     panel: str
     x: float
-    seed: int
     scene: str
-    frame: str
     curve: str
-    instance_id: int
-    obj_id: int
-    quality: Quality
-    ms: float
+    answer: Answer
+    """As a batch has it: object, frame, seed, pose, errors and recalls. Failed: the curve's refiner lacks its weights,
+    or they do not know the object; its message says which."""
+    ms: float = 0.0
     """Time of the whole frame, shared equally by its objects; without what is compiled once."""
-    refiner_calls: float
+    refiner_calls: float = 0.0
     """Calls of the whole frame, shared equally, times what a call counts as; of a tree search with its roll-outs."""
-    name: str = ""
-    """The object's."""
     grasp: str = ""
     """How a grasp with the answer ends, where it was tried; "no answer" without one."""
-    missing: str = ""
-    """Why the curve has no answer: its refiner lacks its weights, or they do not know the object."""
+
+    @property
+    def missing(self) -> str:
+        """Why the curve has no answer at all; empty where it was solved."""
+        return self.answer.message if self.answer.status == "failed" else ""
+
+    def recall(self, metric: Metric) -> float:
+        """The share of BOP's thresholds that the answer passes; no answer passes none."""
+        return getattr(self.answer, metric) or 0.0
 
 
 class Solver:
     """Solves units of one study; caches the scenes, and the last frame it has read. Belongs to one process."""
 
-    def __init__(self, sessions: Mapping[str, Session], panels: Sequence[Panel]) -> None:
-        self._toolboxes = {name: Toolbox(session) for name, session in sessions.items()}
+    def __init__(
+        self, sessions: Mapping[str, Session], panels: Sequence[Panel], progress: ProgressToken = NEVER_CANCELLED
+    ) -> None:
+        self._toolboxes = {name: Toolbox(session, progress) for name, session in sessions.items()}
         self._panels = {panel.name: panel for panel in panels}
         self._refiners: dict[tuple[str, bytes], Refiner] = {}
         self._grasp_scene: tuple[Problem, GraspScene] | None = None
@@ -126,17 +76,23 @@ class Solver:
         grasping = self._grasping(unit, frame) if panel.is_grasped else None
         for curve in panel.curves:
             if curve.settings is None:
-                outcomes += _unrefined(unit, curve, problem, frame, grasping)
+                point = _Point(unit, curve, "", problem, frame, grasping)
+                outcomes += point.answers({i.instance_id: i.hypotheses[0].T_cam_obj for i in problem.instances})
                 continue
             changed = toolbox.changed({section: dict(fields) for section, fields in curve.settings.items()})
+            point = _Point(unit, curve, changed.session.method.name, problem, frame, grasping)
             try:
                 refiner = self._ready(changed, problem)
             except (InputError, UnavailableError) as error:
                 if not panel.may_lack:
                     raise
-                outcomes += _missing(unit, curve, problem, str(error))
+                outcomes += point.missing(str(error))
                 continue
-            outcomes += _outcomes(unit, curve, changed, refiner, problem, frame, grasping)
+            counted = _Counted(refiner)
+            began = clock()
+            poses = _poses(changed.refined_by(counted), problem, counted, curve.most_calls)
+            ms = 1e3 * (clock() - began)
+            outcomes += point.answers(poses, ms, curve.inner * counted.calls)
         return tuple(outcomes)
 
     def _grasping(self, unit: Unit, frame: Problem) -> GraspScene:
@@ -179,40 +135,62 @@ class Solver:
         return self._last[1]
 
 
-def _outcomes(
-    unit: Unit,
-    curve: StudyCurve,
-    toolbox: Toolbox,
-    refiner: Refiner,
-    problem: Problem,
-    frame: Problem,
-    grasping: GraspScene | None,
-) -> list[UnitAnswer]:
-    """One for each object; ``frame`` is ``problem`` before it was disturbed."""
-    counted = _Counted(refiner)
-    toolbox = toolbox.refined_by(counted)
-    began = clock()
-    best = _answers(toolbox, problem, counted, curve.most_calls)
-    ms = 1e3 * (clock() - began)
-    n = max(len(problem.targets), 1)
-    return [
-        UnitAnswer(
-            **asdict(unit),
-            curve=curve.label,
-            instance_id=target.instance.instance_id,
-            obj_id=target.instance.obj_id,
-            quality=quality(target, answer, frame),
-            ms=ms / n,
-            refiner_calls=curve.inner * counted.calls / n,
-            name=target.model.name,
-            grasp=_grasp(target, answer, grasping),
+@dataclass(frozen=True)
+class _Point:
+    """What all answers of a curve at one unit have in common."""
+
+    unit: Unit
+    curve: StudyCurve
+    method: str
+    problem: Problem
+    frame: Problem
+    """The problem before it was disturbed, with all its depth."""
+    grasping: GraspScene | None
+
+    def answers(self, poses: Mapping[int, Float], ms: float = 0.0, refiner_calls: float = 0.0) -> list[UnitAnswer]:
+        """One for each object.
+
+        Args:
+            poses: answered ones by instance.
+            ms: for all objects together.
+            refiner_calls: of all objects together.
+        """
+        n = max(len(self.problem.targets), 1)
+        return [
+            self._row(self._answer(target, T), ms / n, refiner_calls / n, _grasp(target, T, self.grasping))
+            for target in self.problem.targets
+            for T in (poses.get(target.instance.instance_id),)
+        ]
+
+    def missing(self, why: str) -> list[UnitAnswer]:
+        """One for each object, all without an answer."""
+        return [
+            self._row(Answer(**self._facts(target), status="failed", message=why)) for target in self.problem.targets
+        ]
+
+    def _row(self, answer: Answer, ms: float = 0.0, refiner_calls: float = 0.0, grasp: str = "") -> UnitAnswer:
+        return UnitAnswer(
+            panel=self.unit.panel,
+            x=self.unit.x,
+            scene=self.unit.scene,
+            curve=self.curve.label,
+            answer=answer,
+            ms=ms,
+            refiner_calls=refiner_calls,
+            grasp=grasp,
         )
-        for target in problem.targets
-        for answer in (best.get(target.instance.instance_id),)
-    ]
+
+    def _answer(self, target: Target, T_cam_obj: Float | None) -> Answer:
+        if T_cam_obj is None:
+            return Answer(**self._facts(target), status="no_answer")
+        errors = answer_errors(target, T_cam_obj, self.frame.observation)
+        return Answer(**self._facts(target), status="ok", T_cam_obj=T_cam_obj, **errors)
+
+    def _facts(self, target: Target) -> dict[str, Any]:
+        return {**object_facts(self.problem, target, self.method), "seed": self.unit.seed, "has_truth": True}
 
 
-def _answers(toolbox: Toolbox, problem: Problem, counted: _Counted, most_calls: int | None) -> dict[int, Float]:
+def _poses(toolbox: Toolbox, problem: Problem, counted: _Counted, most_calls: int | None) -> dict[int, Float]:
     """The answered poses by instance.
 
     Args:
@@ -231,44 +209,6 @@ def _answers(toolbox: Toolbox, problem: Problem, counted: _Counted, most_calls: 
             run.step()
         best |= {instance_id: answer.T_cam_obj for instance_id, answer in run.best_at(run.length).items()}
     return best
-
-
-def _missing(unit: Unit, curve: StudyCurve, problem: Problem, why: str) -> list[UnitAnswer]:
-    """One for each object, all without an answer."""
-    return [
-        UnitAnswer(
-            **asdict(unit),
-            curve=curve.label,
-            instance_id=target.instance.instance_id,
-            obj_id=target.instance.obj_id,
-            quality=Quality(),
-            ms=0.0,
-            refiner_calls=0.0,
-            name=target.model.name,
-            missing=why,
-        )
-        for target in problem.targets
-    ]
-
-
-def _unrefined(
-    unit: Unit, curve: StudyCurve, problem: Problem, frame: Problem, grasping: GraspScene | None
-) -> list[UnitAnswer]:
-    """One for each object, whose first initial pose is taken as it is."""
-    return [
-        UnitAnswer(
-            **asdict(unit),
-            curve=curve.label,
-            instance_id=target.instance.instance_id,
-            obj_id=target.instance.obj_id,
-            quality=quality(target, target.instance.hypotheses[0].T_cam_obj, frame),
-            ms=0.0,
-            refiner_calls=0.0,
-            name=target.model.name,
-            grasp=_grasp(target, target.instance.hypotheses[0].T_cam_obj, grasping),
-        )
-        for target in problem.targets
-    ]
 
 
 def _grasp(target: Target, T_cam_obj: Float | None, grasping: GraspScene | None) -> str:

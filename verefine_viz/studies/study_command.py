@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from msgspec import structs
+from rich.markup import escape
 
 from verefine_viz.batch.progress import counted_bar
 from verefine_viz.batch.terminal import Terminal
@@ -17,10 +17,11 @@ from verefine_viz.core.writing import check_no_link, clear_parts
 from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.grasp_table import report_grasps
 from verefine_viz.studies.paper_tables import MOST_HYPOTHESES
-from verefine_viz.studies.run_study import StudyRequest, run_study, saved_outcomes
+from verefine_viz.studies.run_study import StudyOutcome, run_study, saved_outcome
 from verefine_viz.studies.solve_unit import UnitAnswer
 from verefine_viz.studies.study_plan import Study
 from verefine_viz.studies.study_report import About, report_curves, report_tables, write_rows
+from verefine_viz.studies.study_request import StudyRequest
 
 SCENES = ("mug", "duck", "bracket", "bowl", "clutter")
 """Built-in scenes that are used where no session is given."""
@@ -39,6 +40,8 @@ GRASP_SEEDS = 5, 1
 """Trials of each object as it lies, and turned: ten in the paper's Table IV."""
 RENDERED = ("demo", "layout")
 """Sources of scenes whose objects can be turned."""
+MOST_FAILURES = 5
+"""Failed runs that are printed; the others are counted."""
 TURNED = "turned"
 """Follows the name of a scene whose objects are turned."""
 
@@ -53,7 +56,10 @@ def run_one(
     seeds: int | None = None,
     workers: int = 1,
 ) -> int:
-    """Runs a study into ``out``; the exit code. Stopped by Ctrl-C, it writes what it has before it ends.
+    """Runs a study into ``out``. Stopped by Ctrl-C, it writes what it has before it ends.
+
+    Returns:
+        The exit code: 0, or 1 where a run failed.
 
     Raises:
         VerefineError: the session, a frame or ``out`` cannot be used.
@@ -67,8 +73,9 @@ def run_one(
     n_seeds = seeds if seeds is not None else of_study[quick]
     if request.own_initial_poses and name == "tables":
         n_seeds = 1  # nothing is drawn
-    journal, n_done, n_all = out / f"{name}.journal", 0, 0
-    check_no_link(journal)
+    folder, n_done, n_all = out / f"{name}.journal", 0, 0
+    check_no_link(folder)
+    stderr = Terminal(stderr=True, highlight=False, soft_wrap=True)
     try:
         with counted_bar(f"study {name}") as report:
 
@@ -77,38 +84,48 @@ def run_one(
                 n_done, n_all = done, total
                 report(f"study {name}", done, total)
 
-            outcomes = run_study(request, sessions, n_seeds, workers, journal, progress)
+            def announce(doing: str) -> None:
+                stderr.print(escape(doing))
+
+            outcome = run_study(request, sessions, n_seeds, workers, folder, progress, announce)
     except KeyboardInterrupt:
         if n_done:
             part = f"stopped after {n_done} of {n_all} runs"
-            stderr = Terminal(stderr=True, highlight=False, soft_wrap=True)
             stderr.print(f"study {name}: {part}; writing them, the same command goes on")
-            _write_results(request, sessions, n_seeds, saved_outcomes(request, sessions, n_seeds, journal), out, part)
+            _write_results(request, sessions, n_seeds, saved_outcome(request, sessions, n_seeds, folder), out, part)
         raise
-    _write_results(request, sessions, n_seeds, outcomes, out)
-    return 0
+    n_failed = len(outcome.failures)
+    _write_results(
+        request, sessions, n_seeds, outcome, out, f"without {n_failed} of {n_all} runs, which failed" * bool(n_failed)
+    )
+    for failed in outcome.failures[:MOST_FAILURES]:
+        stderr.print(escape(f"{failed.unit.stem}: {failed.failure}"))
+    if n_failed:
+        stderr.print(f"study {name}: {n_failed} of {n_all} runs failed; the same command tries them again")
+    return 1 if n_failed else 0
 
 
 def _write_results(
     request: StudyRequest,
     sessions: Mapping[str, Session],
     seeds: int,
-    outcomes: Sequence[UnitAnswer],
+    outcome: StudyOutcome,
     out: Path,
     part: str = "",
 ) -> None:
-    """Writes and prints the outcomes; ``part`` says which these are, where it is not all of them."""
-    name, study = request.name, request.study().only({(o.panel, o.x) for o in outcomes})
+    """Writes and prints the outcome; ``part`` says which runs it is of, where it is not all of them."""
+    name, answers = request.name, outcome.answers
+    study = request.study().only({(o.panel, o.x) for o in answers})
     quick = "quick run" if request.quick else ""
-    about = About(_about(sessions, outcomes, seeds), ", ".join(text for text in (quick, part) if text))
+    about = About(_about(sessions, answers, seeds), ", ".join(text for text in (quick, part) if text))
     clear_parts(out, name)
-    write_objects(outcomes, out / f"{name}_objects.csv")
+    write_objects(answers, out / f"{name}_objects.csv")
     if name == "grasping":
-        report_grasps(study, outcomes, out, about)
+        report_grasps(study, answers, out, about)
     elif name == "tables":
-        report_tables(study, outcomes, sessions.values(), out, about)
+        report_tables(study, answers, sessions.values(), out, about)
     else:
-        report_curves(study, outcomes, out, about)
+        report_curves(study, answers, out, about)
 
 
 def scenes(study: str, session: Path | None, overrides: Mapping[str, Any], quick: bool) -> dict[str, Session]:
@@ -158,12 +175,34 @@ def write_objects(outcomes: Sequence[UnitAnswer], path: Path) -> None:
 
 
 def _row(outcome: UnitAnswer) -> dict[str, object]:
-    row = msgspec.to_builtins(outcome)
-    return {**row, **row.pop("quality"), "ar": outcome.quality.ar}
+    answer = outcome.answer
+    return {
+        "panel": outcome.panel,
+        "x": outcome.x,
+        "seed": answer.seed,
+        "scene": outcome.scene,
+        "frame": answer.frame,
+        "curve": outcome.curve,
+        "instance_id": answer.instance_id,
+        "obj_id": answer.obj_id,
+        "ms": outcome.ms,
+        "refiner_calls": outcome.refiner_calls,
+        "name": answer.name,
+        "grasp": outcome.grasp,
+        "missing": outcome.missing,
+        "ar_vsd": outcome.recall("ar_vsd"),
+        "ar_mssd": outcome.recall("ar_mssd"),
+        "ar_mspd": outcome.recall("ar_mspd"),
+        "add_s_mm": answer.add_s_mm,
+        "relative": answer.relative_error,
+        "rotation_deg": answer.rotation_deg,
+        "translation_mm": answer.translation_mm,
+        "ar": outcome.recall("ar"),
+    }
 
 
 def _about(sessions: Mapping[str, Session], outcomes: Sequence[UnitAnswer], seeds: int) -> str:
-    frames = {(o.scene, o.frame) for o in outcomes}
-    objects = {(o.scene, o.frame, o.instance_id) for o in outcomes}
+    frames = {(o.scene, o.answer.frame) for o in outcomes}
+    objects = {(o.scene, o.answer.frame, o.answer.instance_id) for o in outcomes}
     counts = {"frame": len(frames), "object": len(objects), "seed": seeds}
     return f"{', '.join(sessions)}: " + ", ".join(f"{n} {what}" + "s" * (n != 1) for what, n in counts.items())

@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from verefine_viz.batch.runs import file_stem
 from verefine_viz.core.problem import Problem
 
 Settings = Mapping[str, Mapping[str, Any]]
@@ -44,6 +45,8 @@ class Claim:
     """The x that it is about, both ends included."""
     reading: str = ""
     """The paper's sentence, where it is not just that."""
+    than: str = ""
+    """Another panel, in which ``better`` lies above ``worse`` by less at the same x; "" = none is compared with."""
 
 
 @dataclass(frozen=True)
@@ -97,3 +100,8 @@ class Unit:
     seed: int
     scene: str
     frame: str
+
+    @property
+    def stem(self) -> str:
+        """The name of its files without their endings."""
+        return f"{self.scene} {file_stem(self.frame)}, {self.panel}, {self.x:g}, seed {self.seed}"

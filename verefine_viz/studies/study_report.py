@@ -75,7 +75,7 @@ def report_tables(
     numbers = list(rows(study, points))
     write_rows(out / "tables.csv", numbers)
     missing = missing_curves(outcomes)
-    n_frames = len({(o.scene, o.frame) for o in outcomes})
+    n_frames = len({(o.scene, o.answer.frame) for o in outcomes})
     tables = [printed(panel, numbers, paper_table(panel.name, sessions, n_frames)) for panel in study.panels]
     files = save(draw_tables(tables, about.mark), out, "tables")
     write_text(out / "tables.tex", ["% needs \\usepackage{booktabs}", f"% {TABLE_NOTE}", *(t.latex() for t in tables)])

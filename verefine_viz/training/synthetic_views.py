@@ -183,9 +183,9 @@ def _detected(rng: np.random.Generator, visible: Mask, labels: NDArray[np.int32]
     if kind < 0.3:
         return mask
     if kind < 0.55:
-        mask = binary_dilation(mask, iterations=int(rng.integers(1, 5)))
+        mask = np.asarray(binary_dilation(mask, iterations=int(rng.integers(1, 5))), bool)
     elif kind < 0.7:
-        mask = binary_erosion(mask, iterations=int(rng.integers(1, 4)))
+        mask = np.asarray(binary_erosion(mask, iterations=int(rng.integers(1, 4))), bool)
     if rng.random() < 0.3 and (labels > 0).any():
         other = labels == rng.choice(np.unique(labels[labels > 0]))
         mask = mask | (other & _blob(rng, other, 0.2, 0.6))

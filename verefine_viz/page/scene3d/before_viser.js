@@ -19,9 +19,10 @@
   const matchMedia = window.matchMedia.bind(window);
   window.matchMedia = (query) => matchMedia(query.includes("max-width") ? "not all" : query);
 
-  // The page around this one says so where it matters.
+  // The page around this one has bars, layers and notes of its own, and says what the ground looks like.
   const style = document.createElement("style");
-  style.textContent = "#webgl-software-rendering { display: none }";
+  style.textContent = `#webgl-software-rendering, [data-floating-window], [data-dock-region], .mantine-Notifications-root,
+    .mantine-Paper-root:has(> [aria-label="Show scene tree"]) { display: none !important } canvas[data-engine] { background: var(--ground, #141414) }`;
   document.head.append(style);
 
   // Without a GPU smooth edges take a third of the time of every picture.

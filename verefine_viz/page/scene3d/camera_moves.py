@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,20 +21,45 @@ _CELLS, _LEAST_CELL_M = 12, 0.006
 """Cells across an object; no smaller than the distance of points that are sampled on models."""
 _TURNING = 0.15
 """Share of an object's points that are worth a turn of the view by 180°."""
+_FIRST_TURNING = 0.8
+"""That share for the first look: from behind, the observed cloud is a veil with holes."""
+_FIRST_SHARE = 1 / 3
+"""Share of the pane's height that the object in focus takes in the first look."""
+_BESIDE_RAD = math.radians(25)
 
 
-def set_first_look(server: viser.ViserServer, points_cam: Float, T_world_cam: Float) -> None:
-    """Let browsers begin beside the sensor, with the objects' points (n, 3) in the middle; take those there to it."""
-    middle = points_cam.mean(axis=0)
-    extent_m = 2 * float(np.percentile(np.linalg.norm(points_cam - middle, axis=1), 90))
-    direction = -middle / np.linalg.norm(middle) + [0.75, -0.35, 0.0]
-    eye_cam = middle + max(0.17, extent_m) * direction / np.linalg.norm(direction)
-    eye, target = apply(T_world_cam, np.array([eye_cam, middle]))
+def set_first_look(
+    server: viser.ViserServer, points_world: Float, others_world: Sequence[Float], sensor_world: Float
+) -> None:
+    """Let browsers begin where an object's points (n, 3) fill a third of the pane and are not hidden.
+
+    Those that are there are taken to it.
+
+    Args:
+        server: whose browsers they are.
+        points_world: of the object in focus [m].
+        others_world: points of the others, which may hide it.
+        sensor_world: where the sensor was (3,): the side from which the observed cloud is a surface.
+    """
+    middle = (points_world.min(axis=0) + points_world.max(axis=0)) / 2
+    to_sensor = (sensor_world - middle) / np.linalg.norm(sensor_world - middle)
     camera = server.initial_camera
-    camera.position, camera.look_at, camera.up = eye, target, np.array([0.0, 0.0, 1.0])
+    direction = least_hidden(points_world, others_world, _beside(to_sensor), _FIRST_TURNING)
+    distance_m = (
+        float(np.ptp(points_world @ _axes_seen(direction).T, axis=0).max())
+        / _FIRST_SHARE
+        / (2 * math.tan(camera.fov / 2))
+    )
+    camera.position, camera.look_at, camera.up = middle + distance_m * direction, middle, np.array([0.0, 0.0, 1.0])
     camera.near = NEAR_M
     for client in server.get_clients().values():
         take_to_first_look(server, client)
+
+
+def _beside(direction: Float) -> Float:
+    """Turn a direction a little about the vertical, so that what lies along it is seen to be there."""
+    c, s = math.cos(_BESIDE_RAD), math.sin(_BESIDE_RAD)
+    return np.array([c * direction[0] - s * direction[1], s * direction[0] + c * direction[1], direction[2]])
 
 
 def take_to_first_look(server: viser.ViserServer, client: viser.ClientHandle) -> None:
@@ -64,10 +90,11 @@ def take_to_points(client: viser.ClientHandle, points_world: Float, others_world
     client.camera.position, client.camera.look_at = middle + distance_m * direction, middle
 
 
-def least_hidden(points: Float, others: Sequence[Float], now: Float) -> Float:
+def least_hidden(points: Float, others: Sequence[Float], now: Float, turning: float = _TURNING) -> Float:
     """Return the direction (3,) from an object to the eye, above the ground, from which most of its points are seen.
 
-    Of directions that are about as good, the one near the present one, ``now``, is taken.
+    Of directions that are about as good, the one near the present one, ``now``, is taken; a turn by 180° is worth
+    ``turning`` of the points.
     """
     directions = [
         np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
@@ -77,7 +104,7 @@ def least_hidden(points: Float, others: Sequence[Float], now: Float) -> Float:
     if 0.1 < now[2] < 0.98:
         directions.append(now)
     together = np.concatenate(others) if others else np.zeros((0, 3))
-    return max(directions, key=lambda d: visible_share(points, together, d) + _TURNING * (d @ now) / 2)
+    return max(directions, key=lambda d: visible_share(points, together, d) + turning * (d @ now) / 2)
 
 
 def visible_share(points: Float, others: Float, direction: Float) -> float:
@@ -85,10 +112,7 @@ def visible_share(points: Float, others: Float, direction: Float) -> float:
 
     Both are drawn into cells of a grid square to the direction, with the depth of what is nearest in each.
     """
-    across = np.cross([0.0, 0.0, 1.0], direction)
-    across /= max(float(np.linalg.norm(across)), 1e-9)
-    axes = np.stack([across, np.cross(direction, across)])
-    middle = points.mean(axis=0)
+    axes, middle = _axes_seen(direction), points.mean(axis=0)
     cell_m = max(2 * float(np.linalg.norm(points - middle, axis=1).max()) / _CELLS, _LEAST_CELL_M)
     cells, near = (points - middle) @ axes.T // cell_m, (points - middle) @ direction
     other_cells, other_near = (others - middle) @ axes.T // cell_m, (others - middle) @ direction
@@ -99,6 +123,13 @@ def visible_share(points: Float, others: Float, direction: Float) -> float:
     np.maximum.at(heights, (at[:, 0], at[:, 1]), other_near[inside])
     own = np.clip(cells.astype(int) + half, 0, 2 * half - 1)
     return float((heights[own[:, 0], own[:, 1]] <= near + cell_m / 2).mean())
+
+
+def _axes_seen(direction: Float) -> Float:
+    """Return the axes (2, 3) across and up of a view from a direction."""
+    across = np.cross([0.0, 0.0, 1.0], direction)
+    across /= max(float(np.linalg.norm(across)), 1e-9)
+    return np.stack([across, np.cross(direction, across)])
 
 
 def cut_away(camera: viser.CameraHandle, ball_world: tuple[Float, float], share: float) -> None:
@@ -114,4 +145,6 @@ def cut_away(camera: viser.CameraHandle, ball_world: tuple[Float, float], share:
         ahead = camera.look_at - camera.position
         depth_m = float((centre - camera.position) @ ahead) / max(float(np.linalg.norm(ahead)), 1e-9)
         near_m = max(depth_m + (2 * share - 1) * radius_m, NEAR_M)
-    camera.near = near_m  # A value as before is not sent.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # A browser that is just closed gets nothing more.
+        camera.near = near_m  # A value as before is not sent.

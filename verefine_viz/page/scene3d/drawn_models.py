@@ -22,6 +22,8 @@ from verefine_viz.rendering.simplify import scoring_mesh
 
 Mesh = tuple[Float, NDArray[np.int32]]
 """Vertices (V, 3) [m] and faces (F, 3)."""
+LABEL_PX = 12
+"""Height of viser's labels of scale 1, on any screen."""
 _OUTLINE_FACES = 300
 _BEND_RAD = np.deg2rad(28)
 _FEWEST_EDGES = 12

@@ -8,17 +8,19 @@ import viser
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, transform
 from verefine_viz.core.observation import TILT_SHOWN_DEG, Observation, Support
-from verefine_viz.core.palette import Image
+from verefine_viz.core.palette import SCENE_COLORS, Image
 from verefine_viz.core.problem import Problem
-from verefine_viz.page.scene3d.drawn_models import add_outline, add_solid, edges, place
+from verefine_viz.page.scene3d.drawn_models import LABEL_PX, add_outline, add_solid, edges, place
 from verefine_viz.page.scene3d.observed_cloud import Cloud, cloud_of, measured_points, normal_colors
+from verefine_viz.pictures.support_patch import support_patch
 from verefine_viz.pictures.surroundings_meshes import SOLID_COLOR, SURFACE_COLOR, drawn_surroundings
 
 IMAGE_PLANE_M = 0.12
 """How far before the sensor its photo hangs in the scene [m]."""
-_GRID_M = 0.8
+_AROUND_M = 0.4
+"""How far around the objects surfaces without an end are drawn [m]."""
 _ARROW_M = 0.07
-_GRAVITY_COLOR = (250, 205, 60)
+_PLANE_OPACITY = 0.18
 _UP_FROM_CAMERA = transform(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), np.zeros(3))
 """World from camera where no support is known: up is the image's up."""
 
@@ -38,22 +40,25 @@ class FrameDrawing:
         self.cloud: Cloud = cloud_of(observation)
         depth_m = float(np.median(self.cloud.points_cam[:, 2])) if len(self.cloud.points_cam) else 1.0
         self.normals: Image = normal_colors(self.cloud)
+        has_points = len(self.cloud.points_cam) > 0  # None where depth in another unit lies too far away.
         self._points = scene.add_point_cloud(
-            "/cam/cloud", self.cloud.points_cam, self.cloud.natural, precision="float32",
+            "/cam/cloud", self.cloud.points_cam, self.cloud.natural if has_points else (0, 0, 0), precision="float32",
             point_size=(1.1 + 0.5 * self.cloud.spacing_px) * depth_m / observation.camera.fx,
             point_shape="square", point_shading="flat",
         )  # fmt: skip
         self._looks: tuple[Image, bytes] = (self.cloud.natural, b"")
         self._sensor = _add_sensor(scene, observation)
         points = measured_points(problem)
-        self._ground = _add_ground(scene, observation.support, points, self._T_world_cam)
+        self._ground = _add_ground(scene, observation, points, self._T_world_cam)
         self._gravity = _add_gravity(scene, observation.support, points, self._T_world_cam)
 
-    def show(self, photo: bool, plane: bool, gravity: bool) -> None:
+    def show(self, photo: bool, plane: bool, gravity: bool, text_px: float) -> None:
         """Show or hide all but the cloud."""
         for nodes, visible in ((self._sensor, photo), (self._ground, plane), (self._gravity, gravity)):
             for node in nodes:
                 node.visible = visible
+                if isinstance(node, viser.LabelHandle):
+                    node.font_screen_scale = text_px / LABEL_PX
 
     def show_cloud(self, colors: Image | None, box_cam: tuple[Float, float] | None) -> None:
         """Show the cloud, or only its points in a box: (centre (3,), half its side [m]); without colours nothing."""
@@ -61,9 +66,12 @@ class FrameDrawing:
         key = b"" if box_cam is None else np.append(*box_cam).tobytes()
         if colors is None or (colors is self._looks[0] and key == self._looks[1]):
             return
-        inside = np.s_[:]
+        inside = np.ones(len(self.cloud.points_cam), np.bool_)
         if box_cam is not None:
             inside = (np.abs(self.cloud.points_cam - box_cam[0]) < box_cam[1]).all(axis=1)
+        if not inside.any():
+            self._points.visible = False
+            return
         if key != self._looks[1]:
             self._points.points = self.cloud.points_cam[inside]
         self._points.colors = colors[inside]
@@ -92,29 +100,28 @@ def _add_sensor(scene: viser.SceneApi, observation: Observation) -> list[viser.S
 
 
 def _add_ground(
-    scene: viser.SceneApi, support: Support | None, points_cam: Float, T_world_cam: Float
+    scene: viser.SceneApi, observation: Observation, points_cam: Float, T_world_cam: Float
 ) -> list[viser.SceneNodeHandle]:
-    """Add what the objects stand on: the support plane, or the surroundings with unknown objects."""
-    if support is None:
+    """Add what the objects stand on: the part of the support plane that was seen, and surroundings where there are."""
+    support, patch = observation.support, support_patch(observation)
+    if support is None or patch is None:
         return []
-    centre, up = apply(T_world_cam, points_cam.mean(axis=0)[None])[0], support.normal_world
+    nodes: list[viser.SceneNodeHandle] = []
+    if n := len(corners := patch.outline_cam):
+        sides = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1).astype(np.float32)
+        nodes.append(add_outline(scene, "/cam/plane_outline", sides, SCENE_COLORS["plane"], 2.5))
     if support.surroundings is not None:
-        return _add_surroundings(scene, support, centre)
-    across = np.cross(up, [0.0, 1, 0]) if abs(up[1]) < 0.9 else np.cross(up, [1.0, 0, 0])
-    across /= np.linalg.norm(across)
-    grid = scene.add_grid(
-        "/world/grid", _GRID_M, _GRID_M, cell_size=0.05, section_size=0.2, cell_color=(170, 170, 170),
-        section_color=(120, 120, 120), cell_thickness=0.5, section_thickness=1.0, shadow_opacity=0.0,
-        plane_color=(120, 150, 190), plane_opacity=0.22,
-    )  # fmt: skip
-    place(grid, transform(np.stack([across, np.cross(up, across), up], axis=-1), centre - (centre @ up) * up))
-    return [grid]
+        return [*nodes, *_add_surroundings(scene, support, apply(T_world_cam, points_cam.mean(axis=0)[None])[0])]
+    if n:
+        fan = np.array([(0, k, k + 1) for k in range(1, n - 1)], np.int32)
+        nodes.append(add_solid(scene, "/cam/plane", (corners, fan), SCENE_COLORS["plane"], _PLANE_OPACITY))
+    return nodes
 
 
 def _add_surroundings(scene: viser.SceneApi, support: Support, centre_world: Float) -> list[viser.SceneNodeHandle]:
     """Add surfaces and solids with their edges; unknown objects with their numbers."""
     assert support.surroundings is not None
-    drawn = drawn_surroundings(support.surroundings, centre_world, _GRID_M / 2)
+    drawn = drawn_surroundings(support.surroundings, centre_world, _AROUND_M)
     nodes: list[viser.SceneNodeHandle] = []
     for name, mesh, color, opacity in (
         ("surfaces", drawn.surfaces, SURFACE_COLOR, 0.3),
@@ -150,7 +157,10 @@ def _add_gravity(
     tip, tail = foot + 0.3 * up, foot + 1.3 * up
     barbs = tip + 0.1 * length_m * np.array([[1, 0, 2.5], [-1, 0, 2.5], [0, 1, 2.5], [0, -1, 2.5]])
     strokes = np.array([(tail, tip), *((tip, barb) for barb in barbs)], np.float32)
-    nodes: list[viser.SceneNodeHandle] = [add_outline(scene, "/world/gravity", strokes, _GRAVITY_COLOR, 3)]
+    nodes: list[viser.SceneNodeHandle] = [
+        add_outline(scene, "/world/gravity", strokes, SCENE_COLORS["gravity"], 3),
+        scene.add_label("/world/gravity_name", "gravity", position=tail, anchor="bottom-center", visible=False),
+    ]
     if support.tilt_deg > TILT_SHOWN_DEG:
         normal = np.array([(tail, tail - length_m * support.normal_world)], np.float32)
         nodes.append(add_outline(scene, "/world/normal", normal, SURFACE_COLOR, 3))

@@ -1,19 +1,23 @@
-"""One object in 3D: its body where it stands, its other poses as outlines, its hypotheses as ghosts, its name."""
+"""One object in 3D: its body where it stands, other poses as outlines or axes, as ghosts its hypotheses and what the
+image allows, and its name.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, quat_wxyz
-from verefine_viz.core.palette import FIT, OBJECT_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
+from verefine_viz.core.palette import OBJECT_COLORS, RGB, SCENE_COLORS, SIDE_COLORS, rank_colors, stage_color
 from verefine_viz.core.problem import Target
-from verefine_viz.methods.arms import Arm
 from verefine_viz.page.scene3d.drawn_models import (
+    LABEL_PX,
+    Mesh,
     add_coloured,
     add_outline,
     add_solid,
@@ -25,8 +29,11 @@ from verefine_viz.page.scene3d.drawn_models import (
 OUTLINE_PX = 2.0
 _ABOVE_M = 0.012
 _GHOST_OPACITY = 0.22
-_NAME_SIZE = 0.65
-"""Against viser's own size: objects stand close, and names must not hide each other."""
+_ALLOWED_OPACITY = 0.2
+_AXES_RADII = 1.1
+"""Length of a pose's axes, in radii of its object."""
+_AXIS_SHARE = 0.03
+"""Radius of an axis, of its length."""
 BodyLook = tuple[RGB, float] | Literal["own colours"]
 """A colour with an opacity, or the colours of the model."""
 
@@ -39,13 +46,13 @@ class ObjectDrawing:
         self._name = f"/cam/objects/{target.instance.instance_id}"
         self._solid = add_solid(scene, f"{self._name}/solid", display_mesh(self._model), OBJECT_COLORS[0])
         self._coloured = add_coloured(scene, f"{self._name}/coloured", self._model)
-        self._label = scene.add_label(
-            f"{self._name}/name", label, font_screen_scale=_NAME_SIZE, anchor="bottom-center", visible=False
-        )
+        self._label = scene.add_label(f"{self._name}/name", label, anchor="bottom-center", visible=False)
         self._look: tuple[RGB, float] | None = None
         self._outlines: dict[str, viser.LineSegmentsHandle] = {}
-        self._ghosts: viser.BatchedMeshHandle | None = None
-        self._ghosts_shown: tuple[bytes, bytes] = (b"", b"")
+        mesh = display_mesh(self._model)
+        self._hypotheses = GhostDrawing(scene, f"{self._name}/hypotheses", mesh, _GHOST_OPACITY)
+        self._allowed = GhostDrawing(scene, f"{self._name}/allowed", mesh, _ALLOWED_OPACITY)
+        self._axes: list[viser.FrameHandle] = []
 
     def show_body(self, T_cam_obj: Float | None, look: BodyLook) -> None:
         """Draw the object where it stands; None = nowhere. Without own colours it is white where these are asked."""
@@ -57,8 +64,9 @@ class ObjectDrawing:
             self._look = plain
             self._solid.color, self._solid.opacity = plain
 
-    def show_name(self, T_cam_obj: Float | None) -> None:
+    def show_name(self, T_cam_obj: Float | None, text_px: float) -> None:
         """Write the name above where the object stands; None = not at all."""
+        self._label.font_screen_scale = text_px / LABEL_PX
         self._label.visible = T_cam_obj is not None
         if T_cam_obj is not None:
             points = apply(T_cam_obj, self._model.points[::4])
@@ -68,15 +76,46 @@ class ObjectDrawing:
     def show_outlines(self, poses: Mapping[str, Float]) -> None:
         """Outline the object at poses, by the names of stages, or "B"."""
         for name in [name for name in poses if name not in self._outlines]:
-            color = SIDE_COLORS[name] if name in SIDE_COLORS else STAGE_COLORS[name]
+            color = SIDE_COLORS[name] if name in SIDE_COLORS else stage_color(name)
             node = f"{self._name}/outline_{name.replace(' ', '_')}"
             self._outlines[name] = add_outline(self._scene, node, outline_of(self._model), color, OUTLINE_PX)
         for name, node in self._outlines.items():
             show_at(node, poses.get(name))
 
-    def show_hypotheses(self, arms: Sequence[Arm], chosen: int) -> None:
-        """Draw where the hypotheses are now, yellow = the highest score, violet = the lowest, and one more clearly."""
-        n = len(arms)
+    def show_hypotheses(self, Ts: Float, shares: Float, chosen: int) -> None:
+        """Draw hypotheses at poses (n, 4, 4), coloured by their ranks (n,) in [0, 1], and one more clearly."""
+        opacities = np.where(np.arange(len(Ts)) == chosen, 2.0, 1.0).astype(np.float32)
+        self._hypotheses.show(Ts, rank_colors(shares), opacities)
+
+    def show_allowed(self, Ts: Float) -> None:
+        """Draw the poses (n, 4, 4) that the image allows, faintly."""
+        colors = np.tile(np.array(SCENE_COLORS["allowed"], np.uint8), (len(Ts), 1))
+        self._allowed.show(Ts, colors, np.ones(len(Ts), np.float32))
+
+    def show_axes(self, Ts: Float) -> None:
+        """Draw the axes of poses (n, 4, 4), the first with thicker ones."""
+        length_m = _AXES_RADII * self._model.diameter_m / 2
+        while len(self._axes) < len(Ts):
+            radius_m = length_m * (_AXIS_SHARE if not self._axes else _AXIS_SHARE / 2)
+            name = f"{self._name}/axes_{len(self._axes)}"
+            self._axes.append(
+                self._scene.add_frame(name, axes_length=length_m, axes_radius=radius_m, origin_radius=radius_m)
+            )
+        for k, node in enumerate(self._axes):
+            show_at(node, Ts[k] if k < len(Ts) else None)
+
+
+class GhostDrawing:
+    """A mesh at many poses at once, faint; made when it is first needed, then moved, coloured and hidden."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, mesh: Mesh, opacity: float) -> None:
+        self._scene, self._name, self._mesh, self._opacity = scene, name, mesh, opacity
+        self._ghosts: viser.BatchedMeshHandle | None = None
+        self._shown: tuple[bytes, bytes] = (b"", b"")
+
+    def show(self, Ts: Float, colors: NDArray[np.uint8], opacities: NDArray[np.float32]) -> None:
+        """Draw it at poses (n, 4, 4), in colours (n, 3), with opacities (n,) relative to its own."""
+        n = len(Ts)
         if not n:
             if self._ghosts is not None:
                 self._ghosts.visible = False
@@ -84,20 +123,16 @@ class ObjectDrawing:
         if self._ghosts is None or len(self._ghosts.batched_positions) != n:  # Another branch may have more.
             # Front faces alone: transparent ones of both sides are drawn in two passes, which software renderers feel.
             self._ghosts = self._scene.add_batched_meshes_simple(
-                f"{self._name}/hypotheses", *display_mesh(self._model), np.tile([1.0, 0, 0, 0], (n, 1)),
-                np.zeros((n, 3)), batched_colors=np.zeros((n, 3), np.uint8), batched_opacities=np.ones(n),
-                opacity=_GHOST_OPACITY, lod="off", side="front", cast_shadow=False, receive_shadow=False,
+                self._name, *self._mesh, np.tile([1.0, 0, 0, 0], (n, 1)), np.zeros((n, 3)),
+                batched_colors=np.zeros((n, 3), np.uint8), batched_opacities=np.ones(n), opacity=self._opacity,
+                lod="off", side="front", cast_shadow=False, receive_shadow=False,
             )  # fmt: skip
-            self._ghosts_shown = (b"", b"")
-        Ts = np.array([arm.current.T_cam_obj for arm in arms])
-        ranks = np.argsort(np.argsort([arm.current.score.score for arm in arms])) / max(n - 1, 1)
-        colors = FIT.colors(ranks)
-        opacities = np.where(np.arange(n) == chosen, 2.0, 1.0).astype(np.float32)
+            self._shown = (b"", b"")
         key = (Ts.tobytes(), colors.tobytes() + opacities.tobytes())
-        if key[0] != self._ghosts_shown[0]:
+        if key[0] != self._shown[0]:
             self._ghosts.batched_positions = Ts[:, :3, 3].astype(np.float32)
             self._ghosts.batched_wxyzs = np.array([quat_wxyz(T[:3, :3]) for T in Ts], np.float32)
-        if key[1] != self._ghosts_shown[1]:
+        if key[1] != self._shown[1]:
             self._ghosts.batched_colors, self._ghosts.batched_opacities = colors, opacities
-        self._ghosts_shown = key
+        self._shown = key
         self._ghosts.visible = True

@@ -4,27 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import apply, inverse
-from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.palette import Image, Scale, class_image, difference_scale
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.scores import ScoreMaps
+from verefine_viz.pictures.surface_distances import REACH, signed_distances
 
 MAX_POINTS = 45_000
 MAX_DEPTH_M = 4.0
-REACH = 3
-"""Points further from a model than this many depth tolerances have no distance to it."""
 _CLICK_REACH_M = 5.0
 _RAY_STEP_M = 0.002
 _SURFACE_M = 0.03
+_COARSE_PX = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,35 +99,21 @@ def distance_colors(cloud: Cloud, posed: Sequence[tuple[Target, Float]], tau_m: 
     return np.where(near[:, None], surface_scale(tau_m).colors(1000 * distances_m), cloud.faded)
 
 
-def signed_distances(points_cam: NDArray[np.floating], posed: Sequence[tuple[Target, Float]], reach_m: float) -> Float:
-    """Return by how much points (N, 3) lie outside of the nearest model, (N,) [m]: negative inside, NaN out of reach.
-
-    The distance is that to the tangent plane at the nearest of the points sampled on a model.
-    """
-    nearest_m, signed_m = np.full(len(points_cam), reach_m), np.full(len(points_cam), np.nan)
-    for target, T_cam_obj in posed:
-        points = apply(inverse(T_cam_obj), np.asarray(points_cam, float))
-        low, high = target.model.points.min(axis=0) - reach_m, target.model.points.max(axis=0) + reach_m
-        around = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
-        near_m, index = _tree(target.model).query(points[around], distance_upper_bound=reach_m)
-        distances_m, which = np.asarray(near_m), np.asarray(index)
-        closer = distances_m < nearest_m[around]
-        around, which = around[closer], which[closer]
-        nearest_m[around] = distances_m[closer]
-        offsets = points[around] - target.model.points[which]
-        signed_m[around] = np.einsum("ij,ij->i", offsets, target.model.point_normals[which])
-    return signed_m
-
-
-@lru_cache(maxsize=64)
-def _tree(model: ObjectModel) -> KDTree:
-    return KDTree(model.points)
-
-
 def measured_points(problem: Problem) -> Float:
-    """Return all objects' observed points (n, 3) in the camera frame; a point ahead where nothing was measured."""
-    clouds = [i.points_cam for i in problem.instances if len(i.points_cam)]
-    return np.concatenate(clouds) if clouds else np.array([[0.0, 0.0, 1.0]])
+    """Return all objects' observed points (n, 3) in the camera frame; of a frame without objects those in the middle of
+    the image, and where nothing was measured a point ahead.
+    """
+    clouds = [i.points_cam for i in problem.instances if len(i.points_cam)] or [_middle_points(problem.observation)]
+    points = np.concatenate(clouds)
+    return points if len(points) else np.array([[0.0, 0.0, 1.0]])
+
+
+def _middle_points(observation: Observation) -> Float:
+    """Return what was measured in the middle of the image, half as wide and high, on a coarse grid (n, 3)."""
+    height, width = observation.depth_m.shape
+    middle = np.s_[height // 4 : -(height // 4) : _COARSE_PX, width // 4 : -(width // 4) : _COARSE_PX]
+    depth = observation.depth_m[middle]
+    return observation.camera.back_project(observation.depth_m)[middle][(depth > 0) & (depth < MAX_DEPTH_M)]
 
 
 def clicked_pixel(

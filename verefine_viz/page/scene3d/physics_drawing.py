@@ -9,28 +9,37 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import viser
 
-from verefine_viz.core.palette import RGB
+from verefine_viz.core.palette import RGB, SCENE_COLORS
+from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Contacts
-from verefine_viz.page.moment import Moment
-from verefine_viz.page.protocol import Look
+from verefine_viz.page.scene3d.view_content import ViewContent
 
 if TYPE_CHECKING:
     from verefine_viz.physics.proximity import Overlap
 
 LIGHTS: dict[str, RGB] = {"green": (40, 180, 80), "amber": (217, 142, 4), "red": (220, 50, 47)}
-_OVERLAP_COLOR = (255, 30, 30)
 _OVERLAP_PX = 4.0
-_CONTACT_COLOR, _DEEP_COLOR = (255, 140, 0), (220, 50, 47)
-_DEEP_M = 0.001
-_ARROW = 0.35
-"""Length of a contact's arrow [diameter of the object]."""
+_DEEP_COLOR, _DEEP_M = (220, 50, 47), 0.001
+FORCE_M = 0.005
+"""Length of a force's arrow per acceleration that it gives the object [m / (N/kg)]: MuJoCo's ``map.force``. The arrows
+of what carries an object at rest add up to 5 cm, whatever its mass."""
+_SHORTEST_M, _LONGEST = 0.001, 2.0
+"""Shorter arrows are not drawn; longer ones [diameters] are cut, as where an object was pushed apart."""
 
 
-def known_overlaps(moment: Moment) -> list[Overlap]:
+def known_overlaps(content: ViewContent) -> list[Overlap]:
     """Return the overlaps of objects where they stand, as far as they were worked out."""
-    placed = [o.placed for o in moment.objects if o.placed is not None]
-    pairs = [moment.evaluator.known_overlap(one, other)[1] for one, other in combinations(placed, 2)]
+    pairs = [content.evaluator.known_overlap(one, other)[1] for one, other in combinations(content.placed.values(), 2)]
     return [overlap for overlap in pairs if overlap is not None and len(overlap.points_cam)]
+
+
+def contacts_of(content: ViewContent) -> Contacts | None:
+    """Return where the object in focus touches something: at a pose of the path, or at its end; None = nowhere."""
+    path, at = content.path, content.path_moment
+    if path is None or not path.contacts or at == 0:
+        return None
+    contacts = path.contacts[(len(path.contacts) if at is None else min(at, len(path.contacts))) - 1]
+    return contacts if len(contacts.depths_m) else None
 
 
 class PhysicsDrawing:
@@ -38,6 +47,7 @@ class PhysicsDrawing:
 
     def __init__(self, scene: viser.SceneApi) -> None:
         self._scene = scene
+        self._points: viser.PointCloudHandle | None = None
         self._arrows: viser.ArrowsHandle | None = None
         self._contacts: Contacts | None = None
         self._polygon = scene.add_line_segments(
@@ -48,42 +58,46 @@ class PhysicsDrawing:
         self._overlap_points: viser.PointCloudHandle | None = None
         self._overlaps: Sequence[Overlap] = ()
 
-    def show(self, moment: Moment, look: Look, layers: frozenset[str], overlaps: Sequence[Overlap]) -> None:
-        """Draw what is known at a moment."""
-        self._show_contacts(moment, look, "contacts" in layers)
-        self._show_polygon(moment, "contacts" in layers)
-        self._show_overlaps(moment, overlaps)
+    def show(self, content: ViewContent, layers: frozenset[str], overlaps: Sequence[Overlap]) -> None:
+        """Draw what is known of the content."""
+        self._show_contacts(content, contacts_of(content) if "contacts" in layers else None)
+        self._show_polygon(content, "contacts" in layers)
+        self._show_overlaps(content, overlaps)
 
-    def _show_contacts(self, moment: Moment, look: Look, is_drawn: bool) -> None:
-        """Draw arrows onto the object where it touches something: at a pose of the path, or at its end."""
-        path = moment.iteration.path if moment.iteration is not None and not moment.is_answer else None
-        contacts = None
-        if path is not None and path.contacts and look.moment != 0 and "edited" not in moment.poses:
-            k = len(path.contacts) if look.moment is None else min(look.moment, len(path.contacts))
-            contacts = path.contacts[k - 1]
-        is_drawn = is_drawn and contacts is not None and len(contacts.depths_m) > 0
-        if contacts is not None and is_drawn and contacts is not self._contacts:
+    def _show_contacts(self, content: ViewContent, contacts: Contacts | None) -> None:
+        """Draw where the object touches something and the forces on it; None = nothing."""
+        if contacts is not None and content.target is not None and contacts is not self._contacts:
             self._contacts = contacts
-            length_m = _ARROW * moment.target.model.diameter_m
-            ends = np.stack([contacts.points_cam - length_m * contacts.normals_cam, contacts.points_cam], axis=1)
-            deep = contacts.depths_m > _DEEP_M
-            colors = np.where(deep[:, None], _DEEP_COLOR, _CONTACT_COLOR).astype(np.uint8)
-            if self._arrows is None:
-                self._arrows = self._scene.add_arrows("/cam/contacts", ends.astype(np.float32), colors)
-            self._arrows.points, self._arrows.colors = ends.astype(np.float32), colors
-            self._arrows.shaft_radius, self._arrows.head_radius = 0.008 * length_m, 0.03 * length_m
-            self._arrows.head_length = 0.12 * length_m
-        if self._arrows is not None:
-            self._arrows.visible = is_drawn
+            self._draw_contacts(content, content.target, contacts)
+        for nodes in (self._points, self._arrows):
+            if nodes is not None:
+                nodes.visible = contacts is not None
 
-    def _show_polygon(self, moment: Moment, is_drawn: bool) -> None:
+    def _draw_contacts(self, content: ViewContent, target: Target, contacts: Contacts) -> None:
+        diameter_m, mass_kg = target.model.diameter_m, content.branch.settings.physics.mass_kg
+        deep = contacts.depths_m > _DEEP_M
+        colors = np.where(deep[:, None], _DEEP_COLOR, SCENE_COLORS["contacts"]).astype(np.uint8)
+        points = contacts.points_cam.astype(np.float32)
+        if self._points is None:
+            self._points = self._scene.add_point_cloud(
+                "/cam/contact_points", points, colors, precision="float32", point_shape="circle", point_shading="flat"
+            )
+        self._points.points, self._points.colors, self._points.point_size = points, colors, 0.03 * diameter_m
+        lengths_m = np.minimum(FORCE_M * contacts.forces_n / mass_kg, _LONGEST * diameter_m)
+        long = lengths_m > _SHORTEST_M
+        ends = np.stack([contacts.points_cam, contacts.points_cam + lengths_m[:, None] * contacts.normals_cam], axis=1)
+        if self._arrows is None:
+            self._arrows = self._scene.add_arrows("/cam/contacts", ends[long].astype(np.float32), colors[long])
+        self._arrows.points, self._arrows.colors = ends[long].astype(np.float32), colors[long]
+        self._arrows.shaft_radius, self._arrows.head_radius = 0.006 * diameter_m, 0.018 * diameter_m
+        self._arrows.head_length = 0.04 * diameter_m
+
+    def _show_polygon(self, content: ViewContent, is_drawn: bool) -> None:
         """Draw the support polygon on the plane, and a line down from the centre of mass, where they are known."""
-        focus = moment.target.instance.instance_id
-        name = next((name for name in ("edited", "accepted", "best") if name in moment.poses), None)
         known = None
-        if name is not None and is_drawn:
-            others = moment.others_of(focus)
-            known = moment.evaluator.known_plausibility(moment.target, moment.poses[name], others)
+        if content.target is not None and content.main is not None and is_drawn:
+            T_cam_obj, others = content.main.T_cam_obj, content.others
+            known = content.evaluator.known_plausibility(content.target, T_cam_obj, others)
         self._polygon.visible = known is not None
         if known is not None and known is not self._carried:
             self._carried = known
@@ -93,15 +107,15 @@ class PhysicsDrawing:
             self._polygon.points = np.concatenate([sides, down]).astype(np.float32)
             self._polygon.colors = np.full((len(sides) + 1, 2, 3), LIGHTS[known.light], np.uint8)
 
-    def _show_overlaps(self, moment: Moment, overlaps: Sequence[Overlap]) -> None:
+    def _show_overlaps(self, content: ViewContent, overlaps: Sequence[Overlap]) -> None:
         """Draw red points where objects are partly in the same place."""
         if self._overlap_points is not None:
             self._overlap_points.visible = bool(overlaps)
         if overlaps and [*map(id, overlaps)] != [*map(id, self._overlaps)]:
             points = np.concatenate([overlap.points_cam for overlap in overlaps]).astype(np.float32)
-            camera = moment.problem.observation.camera
+            camera = content.problem.observation.camera
             self._overlap_points = self._scene.add_point_cloud(
-                "/cam/overlaps", points, _OVERLAP_COLOR, precision="float32", point_shape="circle",
+                "/cam/overlaps", points, SCENE_COLORS["overlaps"], precision="float32", point_shape="circle",
                 point_shading="flat", point_size=float(np.median(points[:, 2])) / camera.fx * _OVERLAP_PX,
             )  # fmt: skip
         self._overlaps = overlaps or self._overlaps

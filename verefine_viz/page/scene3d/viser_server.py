@@ -1,7 +1,11 @@
 """viser's server for the 3D view, on a loopback port of its own that answers this machine's programs and its own page.
 
 viser has no options for whom it answers, for headers and scripts of its page, for messages that it cannot read, or for
-how many threads it keeps: its web server and its pool are wrapped while it starts. Written for viser 1.1.1.
+how many threads it keeps: its web server and its pool are wrapped while it starts. It has no option to hide its panel
+and its notifications either: ``before_viser.js`` does. The page reads three private parts of viser's client in the
+browser: the number of pictures drawn, which nodes there are (``web/scene.js``), and the camera, which a press beside a
+handle holds (``web/gizmo_guard.js``). Written for viser 1.1.1; ``tests/browser/test_scene_pane.py`` fails where they
+move.
 """
 
 from __future__ import annotations

@@ -2,73 +2,63 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Change, Edit
-from verefine_viz.page.branch import Branch, sorted_changes
+from verefine_viz.page.frame_messages import BranchesMessage, BranchListed, ComparedBranches, MovedPose, SettingsChange
 from verefine_viz.page.saved_session import edits_made
-from verefine_viz.page.words import moved_by_mm, turned_by
-from verefine_viz.page.workspace import Workspace
-from verefine_viz.run.variants import settings_between
+from verefine_viz.run.iteration_words import moved_by_mm, turned_by
+from verefine_viz.run.variants import settings_between, sorted_changes
 
-Json = dict[str, Any]
+if TYPE_CHECKING:
+    from verefine_viz.page.branch import Branch
+    from verefine_viz.page.workspace import Workspace
 
 
-def branches_message(space: Workspace) -> Json:
+def branches_message(space: Workspace) -> BranchesMessage:
     """Return which branches there are, and which two are compared."""
     compared = space.work.compare
-    return {
-        "t": "branches",
-        "compare": compared and dict(zip("ab", compared, strict=True)),
-        "list": [_branch(space, branch) for branch in space.branches.values()],
-    }
+    return BranchesMessage(
+        list=[_branch(space, branch) for branch in space.branches.values()],
+        compare=compared and ComparedBranches(*compared),
+    )
 
 
-def _branch(space: Workspace, branch: Branch) -> Json:
+def _branch(space: Workspace, branch: Branch) -> BranchListed:
     run, first = branch.run, space.work.first.settings
     edits = edits_made(branch, is_only_frame=len(space.frames) == 1)
-    return {
-        "index": branch.index,
-        "name": branch.name,
-        "parent": branch.parent,
-        "from": branch.forked_at,
-        "scored": [after for after, _ in branch.evaluators],
-        "recording": str(branch.recording) if branch.recording else None,
-        "missing": branch.missing,
-        "done": run.length,
-        "total": max(run.n_iterations, run.length),
-        "over": run.is_done,
-        "method": branch.settings.method.name,
-        "explains": run.method.refiner is None or isinstance(run.method.refiner, LearnedRefiner),
-        "settings": {name: value for name, _, value in settings_between(first, branch.settings)},
-        "changes": [
-            {"k": change.after_iteration, "settings": _dotted(change)} for change in sorted_changes(branch.changes)
-        ],
-        "edits": [_edit(branch, edit) for edit in edits],
-        "elsewhere": _elsewhere(space, branch, edits),
-    }
+    return BranchListed(
+        index=branch.index,
+        name=branch.name,
+        parent=branch.parent,
+        from_=branch.forked_at,
+        scored=[after for after, _ in branch.evaluators],
+        recording=str(branch.recording) if branch.recording else None,
+        missing=branch.missing,
+        done=run.length,
+        total=max(run.n_iterations, run.length),
+        over=run.is_done,
+        method=branch.settings.method.name,
+        explains=run.method.refiner is None or isinstance(run.method.refiner, LearnedRefiner),
+        settings={name: value for name, _, value in settings_between(first, branch.settings)},
+        changes=[SettingsChange(change.after_iteration, _dotted(change)) for change in sorted_changes(branch.changes)],
+        edits=[_edit(branch, edit) for edit in edits],
+        elsewhere=_elsewhere(space, branch, edits),
+    )
 
 
-def _edit(branch: Branch, edit: Edit) -> Json:
+def _edit(branch: Branch, edit: Edit) -> MovedPose:
     """Return which hypothesis was moved, after which iteration, and how far from its initial pose."""
-    out: Json = {
-        "k": edit.after_iteration,
-        "obj": edit.instance,
-        "arm": edit.hypothesis,
-        "T": edit.T_cam_obj,
-        "mm": None,
-        "deg": None,
-    }
+    mm = deg = None
     target = branch.run.problem.target(edit.instance)
     pool = target.instance.hypotheses
     if edit.hypothesis < len(pool):
         initial, moved = pool[edit.hypothesis].T_cam_obj, np.reshape(edit.T_cam_obj, (4, 4))
-        out["mm"] = moved_by_mm(initial, moved, target.model.points)
-        out["deg"] = turned_by(initial, moved)[0]
-    return out
+        mm, deg = moved_by_mm(initial, moved, target.model.points), turned_by(initial, moved)[0]
+    return MovedPose(edit.after_iteration, edit.instance, edit.hypothesis, edit.T_cam_obj, mm, deg)
 
 
 def _elsewhere(space: Workspace, branch: Branch, edits: tuple[Edit, ...]) -> list[str]:
@@ -81,5 +71,5 @@ def _elsewhere(space: Workspace, branch: Branch, edits: tuple[Edit, ...]) -> lis
     return words
 
 
-def _dotted(change: Change) -> Json:
+def _dotted(change: Change) -> dict[str, Any]:
     return {f"{section}.{name}": value for section, values in change.settings.items() for name, value in values.items()}

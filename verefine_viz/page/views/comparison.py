@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,10 +11,17 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best
 from verefine_viz.page import protocol as p
+from verefine_viz.page.answers_to_wants import (
+    BothEfforts,
+    CompareAnswer,
+    ComparedAnswer,
+    DifferingSetting,
+    ObjectInBoth,
+    RunDeparture,
+    RunEffort,
+    RunPair,
+)
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.branch import Branch
-from verefine_viz.page.evaluator import together
-from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.compare import (
     ComparedObject,
     Departure,
@@ -28,10 +35,12 @@ from verefine_viz.run.compare import (
 )
 from verefine_viz.run.variants import scores_alike, settings_between
 
-Json = dict[str, Any]
+if TYPE_CHECKING:
+    from verefine_viz.page.branch import Branch
+    from verefine_viz.page.workspace import Workspace
 
 
-def comparison(space: Workspace, want: p.ComparisonWanted, blobs: Blobs) -> Json:
+def comparison(space: Workspace, want: p.ComparisonWanted, blobs: Blobs) -> CompareAnswer:
     """Return how two branches compare, as far as both are computed."""
     a, b = space.branch(want.a), space.branch(want.b)
     pairs = aligned(a.run.iterations, b.run.iterations)
@@ -46,17 +55,17 @@ def comparison(space: Workspace, want: p.ComparisonWanted, blobs: Blobs) -> Json
     answers = outcomes(a.run, b.run, evaluator.errors, None if alike else score_of)
     differences = departures(a.run, b.run, pairs)
     effort_a, effort_b = effort_of(a.run), effort_of(b.run)
-    return {
-        "names": names_of(a, b),
-        "settings": [[name, _plain(one), _plain(other)] for name, one, other in between],
-        "scores_alike": alike,
-        "pairs": [[pair.instance_id, pair.n, pair.a, pair.b] for pair in pairs],
-        "departures": [_departure(one) for one in differences if one is not None],
-        "words": describe_departure(differences, min(effort_a.iterations, effort_b.iterations)),
-        "rows": [_outcome(o, alike) for o in answers],
-        "frame": _frame_scores(a, b, answers),
-        "effort": {"a": _effort(effort_a), "b": _effort(effort_b)},
-    }
+    return CompareAnswer(
+        names=names_of(a, b),
+        settings=[DifferingSetting(name, _plain(one), _plain(other)) for name, one, other in between],
+        scores_alike=alike,
+        pairs=[RunPair(*pair) for pair in pairs],
+        departures=[_departure(one) for one in differences if one is not None],
+        words=describe_departure(differences, min(effort_a.iterations, effort_b.iterations)),
+        rows=[_outcome(o, alike) for o in answers],
+        frame=_frame_scores(a, b, answers),
+        effort=BothEfforts(_effort(effort_a), _effort(effort_b)),
+    )
 
 
 def names_of(a: Branch, b: Branch) -> tuple[str, str]:
@@ -103,44 +112,32 @@ def _at(departure: Departure) -> str:
     return f"in iteration {departure.b} (A's {departure.a})"
 
 
-def _departure(departure: Departure) -> Json:
-    return {
-        "place": departure.place,
-        "kind": departure.kind,
-        "text": departure.text,
-        "a": departure.a,
-        "b": departure.b,
-    }
+def _departure(departure: Departure) -> RunDeparture:
+    return RunDeparture(departure.place, departure.kind, departure.text, departure.a, departure.b)
 
 
-def _outcome(o: ComparedObject, alike: bool) -> Json:
+def _outcome(o: ComparedObject, alike: bool) -> ObjectInBoth:
     """Return one object's answers in both runs; who is nearer only where that is known."""
     is_known = o.a is not None and o.b is not None and o.a.errors is not None and o.b.errors is not None
-    return {
-        "obj": o.instance_id,
-        "name": o.name,
-        "a": _side(o.a),
-        "b": _side(o.b),
-        "winner": o.winner if alike or is_known else None,
-    }
+    return ObjectInBoth(o.instance_id, o.name, _side(o.a), _side(o.b), o.winner if alike or is_known else None)
 
 
-def _side(answer: ScoredBest | None) -> Json | None:
+def _side(answer: ScoredBest | None) -> ComparedAnswer | None:
     if answer is None:
         return None
     errors = answer.errors
-    return {
-        "score": answer.best.score.score,
-        "score_by_a": answer.score,
-        "err": None if errors is None else errors.add_s_mm,
-        "deg": None if errors is None else errors.rotation_deg,
-        "mm": None if errors is None else errors.translation_mm,
-        "k": answer.best.iteration,
-        "arm": answer.best.arm,
-    }
+    return ComparedAnswer(
+        score=answer.best.score.score,
+        score_by_a=answer.score,
+        err=None if errors is None else errors.add_s_mm,
+        deg=None if errors is None else errors.rotation_deg,
+        mm=None if errors is None else errors.translation_mm,
+        k=answer.best.iteration,
+        arm=answer.best.arm,
+    )
 
 
-def _frame_scores(a: Branch, b: Branch, answers: Sequence[ComparedObject]) -> list[float] | None:
+def _frame_scores(a: Branch, b: Branch, answers: Sequence[ComparedObject]) -> tuple[float, float] | None:
     """Return how well all answers of A, and of B, explain the frame together; None for one object.
 
     By the settings of A, or where B scores by others, B's by its own.
@@ -151,20 +148,15 @@ def _frame_scores(a: Branch, b: Branch, answers: Sequence[ComparedObject]) -> li
 
     def scored(branch: Branch, poses: list[Float]) -> float:
         targets = [branch.run.problem.target(own) for own, _, _ in both]
-        return together(branch.final_evaluator, targets, np.array(poses), branch.settings).score
+        of_frame = branch.settings.method.scene_pixels == "frame"
+        return branch.final_evaluator.scene_score(targets, np.array(poses), of_frame).score
 
     of_b = a if scores_alike(a.settings, b.settings) else b
-    return [scored(a, [one.T_cam_obj for _, one, _ in both]), scored(of_b, [other.T_cam_obj for _, _, other in both])]
+    return scored(a, [one.T_cam_obj for _, one, _ in both]), scored(of_b, [other.T_cam_obj for _, _, other in both])
 
 
-def _effort(effort: Effort) -> Json:
-    return {
-        "iterations": effort.iterations,
-        "planned": effort.planned,
-        "refiner_calls": effort.refiner_calls,
-        "rollout_calls": effort.rollout_calls,
-        "ms": effort.ms,
-    }
+def _effort(effort: Effort) -> RunEffort:
+    return RunEffort(effort.iterations, effort.planned, effort.refiner_calls, effort.rollout_calls, effort.ms)
 
 
 def _plain(value: Any) -> str:

@@ -3,48 +3,48 @@
 from __future__ import annotations
 
 import io
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from PIL import Image
 
 from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.page import protocol as p
+from verefine_viz.page.answers_to_wants import CropsAnswer, RefinerStepShown
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.moment import moment_of
-from verefine_viz.page.words import refiner_name
-from verefine_viz.page.workspace import Workspace
+from verefine_viz.run.iteration_words import refiner_name
+
+if TYPE_CHECKING:
+    from verefine_viz.page.workspace import Workspace
 
 
-def crops(space: Workspace, want: p.CropsWanted, blobs: Blobs) -> dict[str, Any]:
-    """Return the refiner's steps in the latest iteration up to k that worked on the object: a picture and words each.
+def crops(space: Workspace, want: p.CropsWanted, blobs: Blobs) -> CropsAnswer:
+    """Return the refiner's steps in an iteration: a picture and words each; ``empty`` says why there are none.
 
-    Of a finished run's answer it is the iteration that made it. ``empty`` says why there are no steps.
+    Raises:
+        InputError: there is no such iteration.
     """
     from verefine_viz.pictures.refiner_crops import start_words, step_picture, step_words
 
     branch = space.branch(want.branch)
-    is_answer = branch.run.is_done and want.k == branch.run.length > 0
-    moment = moment_of(branch, p.Look(branch=want.branch, k=want.k, obj=want.obj, answer=is_answer))
-    iteration = moment.iteration
-    if is_answer and (answer := moment.object(want.obj).answer) is not None and answer.iteration:
-        iteration = branch.run.iterations[answer.iteration - 1]
-    if iteration is None:
-        return {"k": None, "empty": "Nothing was refined yet.", "steps": []}
-    refiner, start = branch.refiner_of(iteration.index), iteration.before_refined
-    none = {"k": iteration.index, "refiner": refiner_name(branch.settings.method.refiner), "steps": []}
+    iteration = branch.iteration(want.k)
+    target = branch.run.problem.target(iteration.instance_id)
+    k, name = iteration.index, refiner_name(branch.settings.method.refiner)
+    refiner, start = branch.refiner_of(k), iteration.before_refined
     if not isinstance(refiner, LearnedRefiner):
-        return none | {"empty": f"{none['refiner']} is not learned: it sees points, no pictures."}
+        return CropsAnswer(k, f"{name} is not learned: it sees points, no pictures.", refiner=name)
     if start is None:
-        return none | {"empty": f"Iteration {iteration.index} did not refine."}
-    steps = moment.evaluator.refiner_steps(refiner, moment.target, start.T_cam_obj)
-    return none | {
-        "empty": "" if steps else "The object does not show in the picture: the refiner saw nothing.",
-        "start": start_words(refiner, moment.target, start.T_cam_obj),
-        "steps": [
-            {"url": f"/blob/{blobs.put(_png(step_picture(step)), 'image/png')}", "words": step_words(step)}
+        return CropsAnswer(k, f"Iteration {k} did not refine.", refiner=name)
+    steps = branch.evaluator_of(k).refiner_steps(refiner, target, start.T_cam_obj)
+    return CropsAnswer(
+        k,
+        "" if steps else "The object does not show in the picture: the refiner saw nothing.",
+        [
+            RefinerStepShown(f"/blob/{blobs.put(_png(step_picture(step)), 'image/png')}", step_words(step))
             for step in steps
         ],
-    }
+        name,
+        start_words(refiner, target, start.T_cam_obj),
+    )
 
 
 def _png(picture: Any) -> bytes:

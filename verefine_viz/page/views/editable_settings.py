@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from typing import Any, Literal, get_args, get_origin
 
+import msgspec
+
+from verefine_viz.core.presets import preset_fields
 from verefine_viz.core.setting_types import descriptions, kinds_of
 from verefine_viz.core.settings import POSES_GIVEN, SURROUNDINGS, Session
 from verefine_viz.estimators.registry import ESTIMATORS
-from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.methods.known_methods import ALL_METHOD_NAMES
+from verefine_viz.page.frame_messages import EditableSetting
 from verefine_viz.physics.registry import simulator_names
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.rendering.registry import verifier_names
-from verefine_viz.run.session_file import AT_ITS_START, DURING_A_RUN
+from verefine_viz.run.session_file import AT_ITS_START, DURING_A_RUN, WITH_ITS_DATA
 
 _COMMON = (
     "method.name", "method.refiner", "method.iterations", "method.exploration", "method.discount", "score.verifier",
@@ -21,21 +25,23 @@ _COMMON = (
 """What is changed most, first on the page."""
 
 
-def editable_settings(session: Session) -> list[dict[str, Any]]:
+def editable_settings(session: Session) -> list[EditableSetting]:
     """Return every setting that holds one value, with what is allowed, those changed most first."""
     rows = []
-    for section in (*AT_ITS_START, "hypotheses"):
-        settings = getattr(session, section)
+    standard = msgspec.convert(preset_fields(session.preset, session.method.refiner), Session)
+    for section in (*AT_ITS_START, *WITH_ITS_DATA):
+        settings, usual = getattr(session, section), getattr(standard, section)
         texts = descriptions(type(settings))
         for name, kind in kinds_of(type(settings)).items():
-            row = _row(f"{section}.{name}", kind, getattr(settings, name))
+            values = getattr(settings, name), getattr(usual, name)
+            row = _row(f"{section}.{name}", kind, *values, " ".join(texts[name].split()))
             if row is not None:
-                rows.append({**row, "help": " ".join(texts[name].split())})
+                rows.append(row)
     order = {name: k for k, name in enumerate(_COMMON)}
-    return sorted(rows, key=lambda row: order.get(row["name"], len(order)))
+    return sorted(rows, key=lambda row: order.get(row.name, len(order)))
 
 
-def _row(name: str, of: Any, value: Any) -> dict[str, Any] | None:
+def _row(name: str, of: Any, value: Any, standard: Any, text: str) -> EditableSetting | None:
     choices: list[Any] | None = None
     if name == "method.name":
         choices = list(ALL_METHOD_NAMES)
@@ -49,6 +55,8 @@ def _row(name: str, of: Any, value: Any) -> dict[str, Any] | None:
         choices = [*POSES_GIVEN, *ESTIMATORS]
     elif get_origin(of) is Literal:
         choices = list(get_args(of))
+    if choices is not None and value not in choices:
+        choices.insert(0, value)  # Such as trace, which is not chosen but opened.
     if isinstance(value, bool):
         kind = "bool"
     elif choices is not None:
@@ -59,11 +67,13 @@ def _row(name: str, of: Any, value: Any) -> dict[str, Any] | None:
         kind = "text"
     else:
         return None
-    return {
-        "name": name,
-        "kind": kind,
-        "value": value,
-        "choices": choices,
-        "common": name in _COMMON,
-        "can_fork": name.partition(".")[0] in DURING_A_RUN and name.rpartition(".")[2] not in SURROUNDINGS,
-    }
+    return EditableSetting(
+        name=name,
+        kind=kind,
+        value=value,
+        standard=standard,
+        choices=choices,
+        common=name in _COMMON,
+        can_fork=name.partition(".")[0] in DURING_A_RUN and name.rpartition(".")[2] not in SURROUNDINGS,
+        help=text,
+    )

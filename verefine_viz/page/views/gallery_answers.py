@@ -2,32 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from verefine_viz.batch.index import ORDERS, WITHOUT_TRUTH, Order, sort_key
-from verefine_viz.diagnosis.causes import cause_title
-from verefine_viz.page.gallery import Gallery, GalleryEntry
+from msgspec import UNSET, UnsetType
 
-Json = dict[str, Any]
+from verefine_viz.batch.answer_orders import ORDERS, WITHOUT_TRUTH, Order, sort_key
+from verefine_viz.page.gallery_messages import AnswersMessage, CardTone, GalleryOrder, GalleryRow
+
+if TYPE_CHECKING:
+    from verefine_viz.page.gallery import Gallery, GalleryEntry
 
 
-def answers_message(gallery: Gallery) -> Json:
-    """Return the answers of all runs, and how they can be sorted and filtered."""
+def answers_message(gallery: Gallery, frames: Sequence[str] | UnsetType | None = UNSET) -> AnswersMessage:
+    """Return the answers of all runs, and how they can be sorted and filtered.
+
+    Args:
+        gallery: of the runs.
+        frames: those of the open session now, of a folder that is watched.
+    """
     orders = ORDERS if any(entry.row.can_be_right for entry in gallery.entries) else WITHOUT_TRUTH
-    return {
-        "t": "answers",
-        "outcome": gallery.outcome,
-        "doubt": gallery.doubt,
-        "notes": gallery.notes,
-        "runs": list(gallery.runs),
-        "unfinished": gallery.n_unfinished,
-        "faults": list(gallery.tag_faults.values()),
-        "first": gallery.first_filter,
-        "orders": [
-            {"id": order, "words": words, "keys": _sorted_keys(gallery, order)} for order, words in orders.items()
-        ],
-        "rows": [_row(gallery, key, entry) for key, entry in enumerate(gallery.entries)],
-    }
+    return AnswersMessage(
+        outcome=gallery.outcome,
+        doubt=gallery.doubt,
+        notes=gallery.notes,
+        runs=list(gallery.runs),
+        unfinished=gallery.n_unfinished,
+        faults=list(gallery.tag_faults.values()),
+        first=gallery.first_filter,
+        orders=[GalleryOrder(order, words, _sorted_keys(gallery, order)) for order, words in orders.items()],
+        rows=[_row(gallery, key, entry) for key, entry in enumerate(gallery.entries)],
+        frames=frames,
+    )
 
 
 def _sorted_keys(gallery: Gallery, order: Order) -> list[int]:
@@ -36,36 +42,38 @@ def _sorted_keys(gallery: Gallery, order: Order) -> list[int]:
     return sorted(range(len(entries)), key=lambda key: place(entries[key].row))
 
 
-def _row(gallery: Gallery, key: int, entry: GalleryEntry) -> Json:
+def _row(gallery: Gallery, key: int, entry: GalleryEntry) -> GalleryRow:
     row = entry.row
-    return {
-        "key": key,
-        "run": entry.run,
-        "frame": row.frame,
-        "obj": row.instance_id,
-        "object": row.obj_id,
-        "name": row.name,
-        "method": row.method,
-        "tone": _tone(entry),
-        "result": entry.result,
-        "score": row.score,
-        "err": row.add_s_mm,
-        "limit": None if row.diameter_mm is None else 0.1 * row.diameter_mm,
-        "k": entry.iteration,
-        "cause": cause_title(row.cause),
-        "evidence": row.evidence,
-        "status": row.status,
-        "message": row.message,
-        "visible": row.visib_fract,
-        "undetermined_mm": row.undetermined_mm,
-        "undetermined_deg": row.undetermined_deg,
-        "tags": list(gallery.tags_of(entry)),
-        "opens": entry.can_be_opened,
-        "thumb": row.was_asked_for,
-    }
+    return GalleryRow(
+        key=key,
+        run=entry.run,
+        frame=row.frame,
+        obj=row.instance_id,
+        object=row.obj_id,
+        name=row.name,
+        method=row.method,
+        tone=_tone(entry),
+        result=entry.result,
+        score=row.score,
+        err=row.add_s_mm,
+        err_seen=row.error_seen_mm,
+        limit=None if row.diameter_mm is None else 0.1 * row.diameter_mm,
+        k=entry.iteration,
+        cause=entry.cause_title,
+        evidence=row.evidence,
+        status=row.status,
+        message=row.message,
+        visible=row.visib_fract,
+        undetermined_mm=row.undetermined_mm,
+        undetermined_deg=row.undetermined_deg,
+        ms=row.ms_total,
+        tags=gallery.tags_of(entry),
+        opens=entry.can_be_opened,
+        thumb=row.was_asked_for,
+    )
 
 
-def _tone(entry: GalleryEntry) -> str:
+def _tone(entry: GalleryEntry) -> CardTone:
     row = entry.row
     if entry.is_waiting:
         return "waiting"
@@ -73,4 +81,4 @@ def _tone(entry: GalleryEntry) -> str:
         return "none"
     if row.is_correct is None:
         return "doubt" if row.cause else "unknown"
-    return "right" if row.is_correct else "wrong"
+    return "right" if row.is_correct else "seen" if row.right_seen else "wrong"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from verefine_viz.batch.motion_table import MOTION, read_tracks
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.problem import Target
-from verefine_viz.evaluation.near_symmetry import flips
-from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.evaluation.pose_motion import (
     FLIP_DEG,
     JUMP_DEG,
@@ -21,14 +21,14 @@ from verefine_viz.evaluation.pose_motion import (
     motions,
 )
 from verefine_viz.page import protocol as p
+from verefine_viz.page.answers_to_wants import TrackAnswer, TrackFrame
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.workspace import Workspace
-from verefine_viz.scenes.recorded_source import RecordedSource
 
-Json = dict[str, Any]
+if TYPE_CHECKING:
+    from verefine_viz.page.workspace import Workspace
 
 
-def track(space: Workspace, want: p.TrackWanted, blobs: Blobs) -> Json:
+def track(space: Workspace, want: p.TrackWanted, blobs: Blobs) -> TrackAnswer:
     """Return the frames of the open frame's scene; none where they are no sequence.
 
     From motion.csv of the batch that is open, else from what another program recorded, else from the frames that were
@@ -40,14 +40,14 @@ def track(space: Workspace, want: p.TrackWanted, blobs: Blobs) -> Json:
     target = targets[want.obj]
     rows = _batch_rows(space.batch, target, space.frame) or _recorded(space, target) or _solved(space, target)
     if len(rows) < 2:
-        return {"frames": [], "words": "", "jump_mm": JUMP_MM, "jump_deg": JUMP_DEG, "reference": ""}
-    return {
-        "frames": [row for _, row in rows],
-        "words": counted([motion for motion, _ in rows]).text,
-        "jump_mm": JUMP_MM,
-        "jump_deg": JUMP_DEG,
-        "reference": "world" if all(motion.reference == "world" for motion, _ in rows) else "camera",
-        "legend": {
+        return TrackAnswer([], "", JUMP_MM, JUMP_DEG, "camera", {})
+    return TrackAnswer(
+        frames=[row for _, row in rows],
+        words=counted([motion for motion, _ in rows]).text,
+        jump_mm=JUMP_MM,
+        jump_deg=JUMP_DEG,
+        reference="world" if all(motion.reference == "world" for motion, _ in rows) else "camera",
+        legend={
             "flip": f"turned by more than {FLIP_DEG:.0f}° to where its shape nearly looks the same "
             f"(within {NEAR_DEG:.0f}°): depth hardly tells the two apart",
             "jump": f"turned by more than {JUMP_DEG:.0f}° or moved by more than {JUMP_MM:.0f} mm, and no symmetry "
@@ -55,23 +55,16 @@ def track(space: Workspace, want: p.TrackWanted, blobs: Blobs) -> Json:
             "moved": "less than that",
             "no pose": "not solved in this frame",
         },
-    }
+    )
 
 
-Rows = list[tuple[Motion, Json]]
+Rows = list[tuple[Motion, TrackFrame]]
 
 
-def _row(motion: Motion, **known: Any) -> tuple[Motion, Json]:
-    fields = ("score", "err", "recorded_score", "undetermined_mm", "undetermined_deg", "missing_depth")
-    return motion, {
-        "frame": motion.frame,
-        "kind": motion.kind,
-        "moved_mm": motion.moved_mm,
-        "turned_deg": motion.turned_deg,
-        "lifted_mm": motion.lifted_mm,
-        "tilted_deg": motion.tilted_deg,
-        **{name: known.get(name) for name in fields},
-    }
+def _frame(motion: Motion) -> TrackFrame:
+    return TrackFrame(
+        motion.frame, motion.kind, motion.moved_mm, motion.turned_deg, motion.lifted_mm, motion.tilted_deg
+    )
 
 
 def _batch_rows(batch: Path | None, target: Target, frame: str) -> Rows:
@@ -86,20 +79,22 @@ def _batch_rows(batch: Path | None, target: Target, frame: str) -> Rows:
     for one in tracks:
         if any(row.frame == frame and (row.obj_id, row.instance_id) == own for row in one.rows):
             names = ("score", "recorded_score", "undetermined_mm", "undetermined_deg", "missing_depth")
-            return [_row(row.motion, **{name: getattr(row, name) for name in names}) for row in one.rows]
+            return [
+                (row.motion, replace(_frame(row.motion), **{name: getattr(row, name) for name in names}))
+                for row in one.rows
+            ]
     return []
 
 
 def _recorded(space: Workspace, target: Target) -> Rows:
     """Return the poses that another program recorded, with our scores of the frames that were solved here."""
-    source = getattr(space.tools, "source", None)
-    recorded = source.tracks.get(target.instance.obj_id, ()) if isinstance(source, RecordedSource) else ()
+    recorded = space.recorded_track(target.instance.obj_id)
     if len(recorded) < 2:
         return []
     scores = space.final_scores(target.instance.obj_id)
     changes = _motions(space, target, [PosedFrame(one.frame, one.T_cam_obj) for one in recorded])
     return [
-        _row(motion, score=scores.get(motion.frame), recorded_score=one.score)
+        (motion, replace(_frame(motion), score=scores.get(motion.frame), recorded_score=one.score))
         for motion, one in zip(changes, recorded, strict=True)
     ]
 
@@ -121,14 +116,15 @@ def _solved(space: Workspace, target: Target) -> Rows:
             poses.append(PosedFrame(frame, best.T_cam_obj, observation.T_map_cam, T_table_cam))
     changes = _motions(space, target, poses)
     rows: Rows = []
+    evaluator = space.work.first.final_evaluator
     for motion in changes:
         of_frame, best = solved[motion.frame]
         T_gt = of_frame.instance.T_cam_obj_gt
-        err = None if T_gt is None else pose_errors(of_frame.model, best.T_cam_obj, T_gt).add_s_mm
-        rows.append(_row(motion, score=best.score.score, err=err))
+        err = None if T_gt is None else evaluator.add_s_mm(of_frame.model, best.T_cam_obj, T_gt)
+        rows.append((motion, replace(_frame(motion), score=best.score.score, err=err)))
     return rows
 
 
 def _motions(space: Workspace, target: Target, poses: list[PosedFrame]) -> tuple[Motion, ...]:
-    near = space.work.first.final_evaluator.near_symmetries(target.model)
-    return motions(poses, target.model.middle_m, flips(near), target.model.symmetries)
+    turns = space.work.first.final_evaluator.flips(target.model)
+    return motions(poses, target.model.middle_m, turns, target.model.symmetries)

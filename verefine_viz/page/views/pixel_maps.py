@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from verefine_viz.core.accuracy import PoseErrors
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore, ScoreMaps
-from verefine_viz.page.moment import pose_matrix
+from verefine_viz.page.answers_to_wants import MapsAnswer, MapScale, ScoreNumbers, StoredArray
+from verefine_viz.page.frame_messages import Box
+from verefine_viz.page.protocol import pose_matrix
 
 if TYPE_CHECKING:
     from verefine_viz.page.blobs import Blobs
@@ -26,7 +29,7 @@ LEAST_DEPTH_M = 0.05
 """Half the range of the depth scale at least."""
 
 
-def maps(space: Workspace, want: MapsWanted, blobs: Blobs) -> dict[str, Any]:
+def maps(space: Workspace, want: MapsWanted, blobs: Blobs) -> MapsAnswer:
     """The answer to a want of maps, as docs/page.md describes it.
 
     Raises:
@@ -50,36 +53,27 @@ def maps(space: Workspace, want: MapsWanted, blobs: Blobs) -> dict[str, Any]:
         raise InputError(f"{evaluator.verifier.settings.verifier} gives a score, and no maps of it.")
     region = region_of(pixels, targets)
     key, arrays = packed(cut(pixels, region), blobs)
-    numbers = score_numbers(score)
-    if errors is not None:
-        numbers |= {"err": errors.add_s_mm, "deg": errors.rotation_deg, "mm": errors.translation_mm}
-    rule = evaluator.verifier.settings
-    return {
-        "region": region,
-        "score": numbers,
-        "scale": {"depth": depth_range(targets), "tau_mm": 1e3 * rule.tau_m, "colour_weight": score.colour_weight},
-        "blob": key,
-        "arrays": arrays,
-    }
+    scale = MapScale(depth_range(targets), 1e3 * evaluator.verifier.settings.tau_m, score.colour_weight)
+    return MapsAnswer(region, score_numbers(score, errors), scale, key, arrays)
 
 
-def score_numbers(score: PoseScore) -> dict[str, Any]:
-    """A score with its parts, and the pixels of each class; errors are None until they are known."""
-    return {
-        "score": score.score,
-        "depth_fit": score.depth_fit,
-        "normal_fit": score.normal_fit,
-        "colour_fit": score.colour_fit,
-        "plausibility": score.plausibility,
-        "n": score.n_pixels,
-        "counts": dict(zip(PIXEL_CLASSES, score.counts, strict=True)),
-        "err": None,
-        "deg": None,
-        "mm": None,
-    }
+def score_numbers(score: PoseScore, errors: PoseErrors | None) -> ScoreNumbers:
+    """A score with its parts, the pixels of each class, and the errors of the pose where they are known."""
+    return ScoreNumbers(
+        score=score.score,
+        depth_fit=score.depth_fit,
+        normal_fit=score.normal_fit,
+        colour_fit=score.colour_fit,
+        plausibility=score.plausibility,
+        n=score.n_pixels,
+        counts=dict(zip(PIXEL_CLASSES, score.counts, strict=True)),
+        err=None if errors is None else errors.add_s_mm,
+        deg=None if errors is None else errors.rotation_deg,
+        mm=None if errors is None else errors.translation_mm,
+    )
 
 
-def region_of(pixels: ScoreMaps, targets: list[Target]) -> list[int]:
+def region_of(pixels: ScoreMaps, targets: list[Target]) -> Box:
     """[u0, v0, width, height] around the masks, what is rendered and what is scored; within the image."""
     shown: Mask = (pixels.rendered_m > 0) | pixels.counted
     for target in targets:
@@ -87,13 +81,13 @@ def region_of(pixels: ScoreMaps, targets: list[Target]) -> list[int]:
     rows, columns = np.flatnonzero(shown.any(axis=1)), np.flatnonzero(shown.any(axis=0))
     height, width = shown.shape
     if len(rows) == 0:
-        return [0, 0, width, height]
+        return 0, 0, width, height
     u0, v0 = max(int(columns[0]) - MARGIN_PX, 0), max(int(rows[0]) - MARGIN_PX, 0)
     u1, v1 = min(int(columns[-1]) + 1 + MARGIN_PX, width), min(int(rows[-1]) + 1 + MARGIN_PX, height)
-    return [u0, v0, u1 - u0, v1 - v0]
+    return u0, v0, u1 - u0, v1 - v0
 
 
-def cut(pixels: ScoreMaps, region: list[int]) -> dict[str, NDArray[Any]]:
+def cut(pixels: ScoreMaps, region: Box) -> dict[str, NDArray[Any]]:
     """The arrays of a region by name, (h, w) or (h, w, 3); those of colour only where it counts."""
     u0, v0, width, height = region
     named = {
@@ -110,18 +104,18 @@ def cut(pixels: ScoreMaps, region: list[int]) -> dict[str, NDArray[Any]]:
     return {name: image[v0 : v0 + height, u0 : u0 + width] for name, image in there.items()}
 
 
-def packed(images: dict[str, NDArray[Any]], blobs: Blobs) -> tuple[str, list[list[Any]]]:
-    """Key of one blob with all arrays, and for each [name, type, byte offset, number of values]."""
-    content, table = bytearray(), []
+def packed(images: dict[str, NDArray[Any]], blobs: Blobs) -> tuple[str, list[StoredArray]]:
+    """Key of one blob with all arrays, and where each lies in it."""
+    content, table = bytearray(), list[StoredArray]()
     for name, image in images.items():
         kind = image.dtype.newbyteorder("<")
-        table.append([name, image.dtype.name, len(content), image.size])
+        table.append(StoredArray(name, image.dtype.name, len(content), image.size))
         content += np.ascontiguousarray(image, kind).tobytes()
         content += bytes(-len(content) % ALIGNED)
     return blobs.put(bytes(content)), table
 
 
-def depth_range(targets: list[Target]) -> list[float]:
+def depth_range(targets: list[Target]) -> tuple[float, float]:
     """[nearest, farthest] of the depth scale [m]: one for all poses of these objects."""
     mask: Mask = np.logical_or.reduce([target.instance.mask for target in targets])
     depth_m = targets[0].observation.depth_m[mask]
@@ -129,4 +123,4 @@ def depth_range(targets: list[Target]) -> list[float]:
     largest = max(target.model.diameter_m for target in targets)
     low, high = np.percentile(depth_m, (5, 95)) if len(depth_m) else (1.0, 1.0)
     around = max(largest / 2, LEAST_DEPTH_M, float(high - low) / 2)
-    return [round(float(low + high) / 2 - around, 2), round(float(low + high) / 2 + around, 2)]
+    return round(float(low + high) / 2 - around, 2), round(float(low + high) / 2 + around, 2)

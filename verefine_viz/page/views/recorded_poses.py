@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import rankdata
 
-from verefine_viz.core.problem import RecordedStep, Target
-from verefine_viz.core.records import Iteration
 from verefine_viz.page import protocol as p
+from verefine_viz.page.answers_to_wants import RecordedAnswer, RecordedPose
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.moment import state_of
-from verefine_viz.page.workspace import Workspace
+from verefine_viz.page.frame_objects import state_of
+from verefine_viz.run.iteration_words import step_of
 
-Json = dict[str, Any]
+if TYPE_CHECKING:
+    from verefine_viz.page.workspace import Workspace
+
 FEWEST = 4
 """Poses below which a correlation has no meaning."""
 
 
-def recorded(space: Workspace, want: p.RecordedWanted, blobs: Blobs) -> Json:
+def recorded(space: Workspace, want: p.RecordedWanted, blobs: Blobs) -> RecordedAnswer:
     """Return the recorded poses of an object as far as the run has repeated them, and whether the scores agree.
 
     ``theirs`` and ``ours`` are the program's score and ours; k = 0 is an initial pose.
@@ -30,26 +31,15 @@ def recorded(space: Workspace, want: p.RecordedWanted, blobs: Blobs) -> Json:
     scores = target.instance.recorded_scores if own is not None else ()
     starts = [] if own is None else [arm.entries[0].score.score for arm in own.arms]
     rows = [
-        {"k": 0, "arm": j, "name": "initial", "theirs": theirs, "ours": ours, "ms": 0.0, "note": ""}
+        RecordedPose(k=0, arm=j, name="initial", theirs=theirs, ours=ours, ms=0.0, note="")
         for j, (theirs, ours) in enumerate(zip(scores, starts, strict=False))
     ]
     for iteration in run.iterations_of(want.obj):
         step, refined = step_of(target, iteration), iteration.stage("refined")
         if step is not None and refined is not None:
-            rows.append(
-                {"k": iteration.index, "arm": iteration.arm, "name": step.name, "theirs": step.score,
-                 "ours": refined.score and refined.score.score, "ms": step.ms, "note": step.note}
-            )  # fmt: skip
-    return {"rows": rows, "rank": rank_correlation([(r["theirs"], r["ours"]) for r in rows])}
-
-
-def step_of(target: Target, iteration: Iteration) -> RecordedStep | None:
-    """Return the recorded step that an iteration took; None where it was computed here."""
-    refined, k = iteration.stage("refined"), iteration.arm_iteration
-    own = [step for step in target.instance.recorded if step.hypothesis == iteration.arm]
-    if refined is None or k > len(own) or not np.array_equal(own[k - 1].T_cam_obj, refined.T_cam_obj):
-        return None
-    return own[k - 1]
+            ours = refined.score and refined.score.score
+            rows.append(RecordedPose(iteration.index, iteration.arm, step.name, step.score, ours, step.ms, step.note))
+    return RecordedAnswer(rows, rank_correlation([(row.theirs, row.ours) for row in rows]))
 
 
 def rank_correlation(pairs: list[tuple[float | None, float | None]]) -> float | None:

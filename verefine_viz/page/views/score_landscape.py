@@ -3,93 +3,93 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.diagnosis.ambiguity import describe
-from verefine_viz.evaluation.landscape import CANNOT_TELL, N_AXES, Curve, Landscape
-from verefine_viz.evaluation.near_symmetry import NearSymmetry
+from verefine_viz.diagnosis.other_pose import describe
+from verefine_viz.evaluation.pose_axes import N_AXES
 from verefine_viz.page import protocol as p
+from verefine_viz.page.answers_to_wants import CurvesAnswer, OtherAnswer, OtherPose, ScoreCurve, SliceAnswer, SliceAxis
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.moment import labels_of, moment_of
-from verefine_viz.page.views.rows import pose_list
-from verefine_viz.page.workspace import Workspace
+from verefine_viz.page.frame_objects import labels_of
+from verefine_viz.page.wire import pose_numbers
 
-Json = dict[str, Any]
+if TYPE_CHECKING:
+    from verefine_viz.core.arrays import Float
+    from verefine_viz.evaluation.near_symmetry import NearSymmetry
+    from verefine_viz.evaluation.pose_landscape import Curve
+    from verefine_viz.page.workspace import Workspace
+
 SAME_AXIS = 0.99
 """Cosine of the angle up to which two axes of near symmetries count as one."""
 
 
-def landscape(space: Workspace, want: p.LandscapeWanted, blobs: Blobs) -> Json:
-    """Return one part of the landscape of an object's best pose after iteration k.
+def landscape(space: Workspace, want: p.LandscapeWanted, blobs: Blobs) -> CurvesAnswer | SliceAnswer | OtherAnswer:
+    """Return one part of the landscape around a pose of an object.
 
     Raises:
-        InputError: the object has no pose, or there is no such axis.
+        InputError: there is no such object or axis.
     """
     branch = space.branch(want.branch)
-    is_answer = branch.run.is_done and want.k == branch.run.length > 0
-    moment = moment_of(branch, p.Look(branch=want.branch, k=want.k, obj=want.obj, answer=is_answer))
-    target, evaluator = moment.target, moment.evaluator
-    T_cam_obj = moment.poses.get("best")
-    if T_cam_obj is None:
-        raise InputError("this object has no pose")
-    around = evaluator.landscape(target, T_cam_obj)
+    problem, evaluator = branch.run.problem, branch.evaluator_of(want.k)
+    target, T_cam_obj = problem.target(want.obj), p.pose_matrix(want.T)
+    iterations = branch.run.iterations
+    allowed = evaluator.allowed(target, T_cam_obj, iterations)
     if want.part == "curves":
-        return {
-            "T": pose_list(T_cam_obj),
-            "score": around.score,
-            "curves": [_curve(around, k, curve) for k, curve in enumerate(around.curves)],
-            "undetermined": around.least_certain.describe(),
-            "undetermined_mm": around.undetermined_mm,
-            "undetermined_deg": around.undetermined_deg,
-        }
+        around = evaluator.landscape(target, T_cam_obj, iterations)
+        return CurvesAnswer(
+            T=pose_numbers(T_cam_obj),
+            score=allowed.score,
+            curves=[_curve(k, curve, T_cam_obj) for k, curve in enumerate(around.curves)],
+            undetermined=allowed.least_certain.describe(),
+            undetermined_mm=allowed.undetermined_mm,
+            undetermined_deg=allowed.undetermined_deg,
+        )
     if want.part == "slice":
         if max(want.axes) >= N_AXES:
             raise InputError(f"there is no axis {max(want.axes)}, expected 0 to {N_AXES - 1}")
-        return _slice(evaluator.score_slice(target, T_cam_obj, want.axes), T_cam_obj)
-    other = evaluator.other_pose(target, T_cam_obj, branch.run.iterations_of(want.obj))
-    name = labels_of(moment.problem)[want.obj]
-    return {
-        "other": other
-        and {
-            "T": pose_list(other.T_cam_obj),
-            "score": other.score,
-            "score_of_answer": other.score_of_answer,
-            "noise": other.noise,
-            "apart_mm": other.apart_mm,
-            "words": describe(name, around, other),
-        },
-        "near": describe_turns(evaluator.near_symmetries(target.model)),
-    }
+        return _slice(evaluator.score_slice(target, T_cam_obj, want.axes, iterations), T_cam_obj)
+    other, name = allowed.furthest, labels_of(problem)[want.obj]
+    return OtherAnswer(
+        other=other
+        and OtherPose(
+            T=pose_numbers(other.T_cam_obj),
+            score=other.score,
+            score_of_answer=other.score_of_answer,
+            noise=other.noise,
+            apart_mm=other.apart_mm,
+            words=describe(name, allowed, other),
+        ),
+        near=describe_turns(evaluator.near_symmetries(target.model)),
+    )
 
 
-def _curve(around: Landscape, number: int, curve: Curve) -> Json:
+def _curve(number: int, curve: Curve, T_cam_obj: Float) -> ScoreCurve:
     """Return a curve with the pose of each of its samples."""
-    axis = curve.axis
-    return {
-        "axis": number,
-        "frame": axis.frame,
-        "kind": axis.kind,
-        "words": axis.words,
-        "unit": axis.unit,
-        "offsets": curve.offsets.tolist(),
-        "scores": curve.scores.tolist(),
-        "noise": (CANNOT_TELL * curve.noise).tolist(),
-        "low": curve.low,
-        "high": curve.high,
-        "width": curve.width_text,
-        "poses": [pose_list(axis.moved(around.T_cam_obj, x)) for x in curve.offsets.tolist()],
-    }
+    axis, extent = curve.axis, curve.extent
+    return ScoreCurve(
+        axis=number,
+        frame=axis.frame,
+        kind=axis.kind,
+        words=axis.words,
+        unit=axis.unit,
+        offsets=curve.offsets.tolist(),
+        scores=curve.scores.tolist(),
+        low=extent.low,
+        high=extent.high,
+        width=extent.width_text,
+        poses=[pose_numbers(axis.moved(T_cam_obj, x)) for x in curve.offsets.tolist()],
+    )
 
 
-def _slice(two: Any, T_cam_obj: Any) -> Json:
+def _slice(two: Any, T_cam_obj: Any) -> SliceAnswer:
     n = len(two.scores)
-    return {
-        "across": {"words": two.across.words, "unit": two.across.unit, "offsets": two.across_offsets.tolist()},
-        "up": {"words": two.up.words, "unit": two.up.unit, "offsets": two.up_offsets.tolist()},
-        "scores": two.scores.tolist(),
-        "poses": [[pose_list(two.pose(T_cam_obj, column, row)) for column in range(n)] for row in range(n)],
-    }
+    return SliceAnswer(
+        across=SliceAxis(two.across.words, two.across.unit, two.across_offsets.tolist()),
+        up=SliceAxis(two.up.words, two.up.unit, two.up_offsets.tolist()),
+        scores=two.scores.tolist(),
+        poses=[[pose_numbers(two.pose(T_cam_obj, column, row)) for column in range(n)] for row in range(n)],
+    )
 
 
 def describe_turns(symmetries: Sequence[NearSymmetry]) -> list[str]:

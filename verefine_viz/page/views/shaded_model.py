@@ -1,77 +1,33 @@
-"""A model as it would look at a pose: with its colours, lit from the camera."""
+"""A model as it would look at a pose: answer to the want ``shaded``."""
 
 from __future__ import annotations
 
-import io
-import math
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from PIL import Image as PilImage
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.camera import Camera
-from verefine_viz.core.geometry import apply
-from verefine_viz.core.problem import Placed, Target
-from verefine_viz.page.moment import pose_matrix
-from verefine_viz.rendering.rendered_scene import render_scene
+from verefine_viz.core.problem import Target
+from verefine_viz.page.answers_to_wants import ShadedAnswer
+from verefine_viz.page.frame_messages import Box
+from verefine_viz.page.protocol import pose_matrix
 
 if TYPE_CHECKING:
     from verefine_viz.page.blobs import Blobs
     from verefine_viz.page.protocol import ShadedWanted
     from verefine_viz.page.workspace import Workspace
 
-FINER = 2
-"""So many times finer than the camera's pixels a picture is at most."""
-MOST_PX = 480
-"""Width and height of a picture at most, unless the model is larger in the camera's own pixels."""
+PictureOf = Callable[[Target, Float], tuple[Box, bytes] | None]
+"""Draws a model at a pose (4, 4): ``pictures/shaded_models.py``."""
 
 
-def shaded(space: Workspace, want: ShadedWanted, blobs: Blobs) -> dict[str, Any]:
+def shaded(space: Workspace, want: ShadedWanted, blobs: Blobs, picture_of: PictureOf) -> ShadedAnswer:
     """The answer to a want of a shaded model: a PNG with transparency over a region; no url where nothing shows.
 
     Raises:
         InputError: there is no such object.
     """
-    target = space.problem.target(want.obj)
-    region = region_of(target, pose_matrix(want.T))
-    if region is None:
-        return {"region": [0, 0, 0, 0], "url": None}
-    return {"region": region, "url": f"/blob/{blobs.put(picture(target, pose_matrix(want.T), region), 'image/png')}"}
-
-
-def region_of(target: Target, T_cam_obj: Float) -> list[int] | None:
-    """[u0, v0, width, height] of the pixels that may show the model; None where it is not in the image."""
-    camera = target.observation.camera
-    points_cam = apply(T_cam_obj, target.model.vertices)
-    in_front = points_cam[:, 2] > 0.01
-    if not in_front.any():
-        return None
-    if not in_front.all():
-        return [0, 0, camera.width, camera.height]
-    pixels = camera.project(points_cam)
-    low = np.maximum(np.floor(pixels.min(axis=0)), 0)
-    high = np.minimum(np.ceil(pixels.max(axis=0)) + 1, (camera.width, camera.height))
-    if (high <= low).any():
-        return None
-    return [int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])]
-
-
-def picture(target: Target, T_cam_obj: Float, region: list[int]) -> bytes:
-    """The PNG of a region."""
-    _, _, width, height = region
-    finer = min(FINER, max(1, math.floor(MOST_PX / max(width, height))))
-    part = part_of(target.observation.camera, region, finer)
-    seen = render_scene([Placed(0, target.model, T_cam_obj)], part)
-    opaque = np.where(seen.labels >= 0, 255, 0).astype(np.uint8)
-    out = io.BytesIO()
-    PilImage.fromarray(np.dstack([seen.rgb, opaque])).save(out, "png", compress_level=1)
-    return out.getvalue()
-
-
-def part_of(camera: Camera, region: list[int], finer: int) -> Camera:
-    """The camera that sees a region, with pixels that much finer."""
-    u0, v0, width, height = region
-    cx, cy = ((c + 0.5 - edge) * finer - 0.5 for c, edge in zip((camera.cx, camera.cy), (u0, v0), strict=True))
-    K = np.array([[camera.fx * finer, 0.0, cx], [0.0, camera.fy * finer, cy], [0.0, 0.0, 1.0]])
-    return Camera(K, width * finer, height * finer)
+    drawn = picture_of(space.problem.target(want.obj), pose_matrix(want.T))
+    if drawn is None:
+        return ShadedAnswer((0, 0, 0, 0), None)
+    region, picture = drawn
+    return ShadedAnswer(region, f"/blob/{blobs.put(picture, 'image/png')}")

@@ -2,36 +2,63 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from msgspec import structs
+
+from verefine_viz.core.accuracy import CORRECT
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.causes import Cause, advice_on, cause_title
+from verefine_viz.core.finding import Finding
 from verefine_viz.core.problem import ANSWER, Placed, Target
 from verefine_viz.core.records import Best
-from verefine_viz.diagnosis.causes import ADVICE, TITLES, Cause, Finding, cause_title
+from verefine_viz.core.refiner_steps import TrainedRefiner
+from verefine_viz.core.text_format import listed
 from verefine_viz.diagnosis.impossible import impossible
 from verefine_viz.diagnosis.lost_poses import lost
 from verefine_viz.diagnosis.signs import FinishedObject, RunnerUp, signs
-from verefine_viz.evaluation.matched_estimates import CORRECT
-from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, turning_on
-from verefine_viz.methods.registry import method_of
-from verefine_viz.page.branch import Branch
-from verefine_viz.page.evaluator import CachedEvaluator
-from verefine_viz.page.moment import labels_of, runner_up
-from verefine_viz.page.views.physics import doubts_of
-from verefine_viz.page.views.rows import pose_list
+from verefine_viz.evaluation.rotation_errors import turning_on
+from verefine_viz.evaluation.trained_range import start_of
+from verefine_viz.methods.known_methods import method_of
+from verefine_viz.page.frame_objects import labels_of
+from verefine_viz.page.run_messages import (
+    AllowedByImage,
+    AnswerTone,
+    FindingShown,
+    JudgedObject,
+    JudgedScene,
+    RefinerRange,
+    RunnerUpPose,
+    VerdictMessage,
+)
+from verefine_viz.page.views.allowed_ghosts import allowed_ghosts
+from verefine_viz.page.views.doubts import shown_doubts
+from verefine_viz.page.views.physics_doubts import doubts_of
+from verefine_viz.page.wire import Pose, pose_numbers
+from verefine_viz.run.record import Answer
 
-Json = dict[str, Any]
+if TYPE_CHECKING:
+    from verefine_viz.page.branch import Branch
+    from verefine_viz.page.evaluator import CachedEvaluator
+
 BAD_FIT = 0.6
 """A right answer that scores less fits its image badly."""
 UNANSWERED = "no answer was recorded: this is the last pose"
-DATA_DOUBTED = "the data do not fit together: look at them first"
+ERROR_CAUSES = frozenset(
+    {
+        *(Cause.ARM_STARVED, Cause.BUDGET, Cause.OUT_OF_RANGE, Cause.REFINER, Cause.POOL, Cause.DISCARDED),
+        *(Cause.UNDECIDED, Cause.SIMULATION),
+    }
+)
+"""What became of the hypotheses, call by call, and what added to the error show these."""
 NEAR_TIE = 0.005
 """A pose elsewhere that scores less by no more explains the image equally well [score]."""
 
 
-def verdict_message(branch: Branch, entry: Mapping[int, Any] | None = None) -> Json:
+def verdict_message(branch: Branch, entry: Mapping[int, Answer] | None = None) -> VerdictMessage:
     """Return the verdict on a run that is over.
 
     Args:
@@ -41,16 +68,15 @@ def verdict_message(branch: Branch, entry: Mapping[int, Any] | None = None) -> J
     objects = finished_objects(branch)
     shown = [_object(branch, o, (entry or {}).get(o.instance_id)) for o in objects]
     truths = {o.instance_id for o in objects if o.target.instance.T_cam_obj_gt is not None}
-    return {
-        "t": "verdict",
-        "branch": branch.index,
-        "over": branch.is_over,
-        "missing": branch.missing,
-        "objects": shown,
-        "scene": _scene(shown, truths),
-        "doubts": branch.doubts(),
-        "notes": _notes(branch),
-    }
+    return VerdictMessage(
+        branch=branch.index,
+        over=branch.is_over,
+        missing=branch.missing,
+        objects=shown,
+        scene=_scene(shown, truths, bool(branch.doubts())),
+        doubts=shown_doubts(branch),
+        notes=_notes(branch),
+    )
 
 
 def finished_objects(branch: Branch) -> tuple[FinishedObject, ...]:
@@ -85,11 +111,12 @@ def _finished(
         for arm in own.arms
     ]
     errors = evaluator.errors(target, best.T_cam_obj)
-    is_wrong = errors is not None and errors.relative >= CORRECT
+    is_wrong = errors is not None and not errors.is_correct
     others = [other for other in placed if other.instance_id != instance_id]
     # Among others it is worked out bit by bit, while nothing else waits.
     ask = evaluator.known_plausibility if others else evaluator.plausibility
     physics = ask(target, best.T_cam_obj, others) if errors is None else None
+    own_pose = Placed(instance_id, target.model, best.T_cam_obj)
     rival = runner_up(branch, own, best)
     return FinishedObject(
         target,
@@ -101,15 +128,27 @@ def _finished(
         score_at_gt=evaluator.score(target, T_gt) if T_gt is not None else None,
         runner_up=rival
         and RunnerUp(
-            rival, best.score.score - rival.score.score, add_s_mm(target.model, rival.T_cam_obj, best.T_cam_obj)
+            rival,
+            best.score.score - rival.score.score,
+            evaluator.add_s_mm(target.model, rival.T_cam_obj, best.T_cam_obj),
         ),
         discarded=branch.discarded().get(instance_id) if is_wrong else None,
         lost=lost(iterations, best, partial(_error, evaluator, target)) if is_wrong and not method.has_tree else None,
         undeclared=evaluator.undeclared_turn(target, best.T_cam_obj) if is_wrong else None,
-        impossible=None if physics is None else impossible(target, physics, labels),
-        around=evaluator.known_landscape(target, best.T_cam_obj) if errors is None else None,
-        other_pose=evaluator.known_other_pose(target, best.T_cam_obj, iterations)[1],
+        impossible=None
+        if physics is None
+        else impossible(target, own_pose, physics, labels, branch.measured_heights()),
+        allowed=evaluator.known_allowed(target, best.T_cam_obj, branch.run.iterations),
+        seen=evaluator.seen_error(target, best.T_cam_obj, branch.run.iterations) if is_wrong else None,
     )
+
+
+def runner_up(branch: Branch, own: Any, best: Best) -> Best | None:
+    """Return the best pose of another hypothesis; None where the method does not answer with the best of all."""
+    if not method_of(branch.settings.method.name).answers_best_of_all:
+        return None
+    others = [entry.as_best(j) for j, arm in enumerate(own.arms) if j != best.arm for entry in arm.entries]
+    return max(others, key=lambda pose: pose.score.score, default=None)
 
 
 def _error(evaluator: CachedEvaluator, target: Target, T_cam_obj: Float) -> float | None:
@@ -117,54 +156,56 @@ def _error(evaluator: CachedEvaluator, target: Target, T_cam_obj: Float) -> floa
     return None if errors is None else errors.relative
 
 
-def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
-    best, limit = o.answer, 1e3 * CORRECT * o.target.model.diameter_m
+def _object(branch: Branch, o: FinishedObject, batch: Answer | None) -> JudgedObject:
+    best, rival, limit = o.answer, o.runner_up, 1e3 * CORRECT * o.target.model.diameter_m
     if best is None:
-        title = TITLES[Cause.NO_HYPOTHESIS]
-        nothing = dict.fromkeys(("score", "gt_score", "err", "deg", "mm", "way", "k", "arm", "stage", "T", "runner_up",
-                                 "also_fits"))  # fmt: skip
-        return {"obj": o.instance_id, "label": o.label, "tone": "none", "words": title, "limit": limit, "findings": [],
-                **nothing}  # fmt: skip
+        return JudgedObject(o.instance_id, o.label, "none", cause_title(Cause.NO_HYPOTHESIS), limit, findings=())
     refiner = branch.run.method_of(branch.run.length).refiner
     named = list(signs(o, branch.settings, refiner))
-    findings = [_finding(sign, branch) for sign in named]
-    if batch is not None and batch.cause:
-        same = [finding for finding in findings if finding["cause"] == batch.cause]
-        for finding in same:  # The gallery opens that iteration.
-            finding["k"] = batch.worst_iteration if batch.worst_iteration is not None else finding["k"]
-        if not same:
-            findings.insert(0, _doubt_of_batch(batch))
+    findings, own_causes = merged(named, batch), {sign.cause for sign in named}
     also = _also_fits(o)
     tone, words = _words(branch, o, named, also is not None)
     # Before physics around the answer is known here, the batch's cause is all there is without ground truth.
     if batch is not None and batch.cause and not branch.doubts() and (o.is_wrong or tone == "unknown"):
         tone, words = "wrong" if o.is_wrong else "doubt", cause_title(batch.cause)
-    return {
-        "obj": o.instance_id,
-        "label": o.label,
-        "tone": tone,
-        "words": words,
-        "score": best.score.score,
-        "gt_score": o.score_at_gt and o.score_at_gt.score,
-        "err": None if o.errors is None else o.errors.add_s_mm,
-        "deg": None if o.errors is None else o.errors.rotation_deg,
-        "mm": None if o.errors is None else o.errors.translation_mm,
-        "way": None if o.errors is None else _turning(o.target, best.T_cam_obj),
-        "limit": limit,
-        "k": best.iteration,
-        "arm": best.arm,
-        "stage": best.stage,
-        "T": pose_list(best.T_cam_obj),
-        "runner_up": o.runner_up
-        and {
-            "arm": o.runner_up.pose.arm,
-            "lead": o.runner_up.lead,
-            "apart_mm": o.runner_up.apart_mm,
-            "T": pose_list(o.runner_up.pose.T_cam_obj),
-        },
-        "also_fits": also,
-        "findings": findings,
-    }
+    return JudgedObject(
+        obj=o.instance_id,
+        label=o.label,
+        tone=tone,
+        words=words,
+        limit=limit,
+        findings=[_finding(finding, finding.cause not in own_causes, branch) for finding in findings],
+        score=best.score.score,
+        gt_score=o.score_at_gt and o.score_at_gt.score,
+        err=None if o.errors is None else o.errors.add_s_mm,
+        deg=None if o.errors is None else o.errors.rotation_deg,
+        mm=None if o.errors is None else o.errors.translation_mm,
+        way=None if o.errors is None else _turning(o.target, best.T_cam_obj),
+        k=best.iteration,
+        arm=best.arm,
+        stage=best.stage,
+        T=pose_numbers(best.T_cam_obj),
+        runner_up=rival
+        and RunnerUpPose(rival.pose.arm, rival.lead, rival.apart_mm, pose_numbers(rival.pose.T_cam_obj)),
+        also_fits=also,
+        allowed=_allowed(branch, o, [finding.cause for finding in findings]),
+        trained=_trained(branch, o.target),
+    )
+
+
+def merged(signs: Sequence[Finding], batch: Answer | None) -> list[Finding]:
+    """One finding for each cause: what a batch's re-runs confirmed, then what the run shows itself.
+
+    Where both name a cause the sign stays, which is shorter, with the batch's iteration: of its main finding the one
+    that its gallery opens.
+    """
+    of_batch = [] if batch is None else list(batch.findings)
+    if batch is not None and of_batch and batch.worst_iteration is not None:
+        of_batch[0] = structs.replace(of_batch[0], iteration=batch.worst_iteration)
+    by_cause = {one.cause: one for k, one in enumerate(of_batch) if one.cause and (k == 0 or one.is_confirmed)}
+    at = {cause: one.iteration for cause, one in by_cause.items() if one.iteration is not None}
+    own = [structs.replace(sign, iteration=at.get(sign.cause, sign.iteration)) for sign in signs]
+    return [*(one for cause, one in by_cause.items() if all(sign.cause != cause for sign in signs)), *own]
 
 
 def _turning(target: Target, T_cam_obj: Float) -> str | None:
@@ -173,20 +214,21 @@ def _turning(target: Target, T_cam_obj: Float) -> str | None:
     return None if way is None else way.describe()
 
 
-def _words(branch: Branch, o: FinishedObject, named: Sequence[Finding], also_fits: bool) -> tuple[str, str]:
+def _words(branch: Branch, o: FinishedObject, named: Sequence[Finding], also_fits: bool) -> tuple[AnswerTone, str]:
     """Return the tone and the words of an object's verdict."""
     tie = "another pose explains the depth equally well"
     reason = f"{named[0].title}{named[0].detail}" if named else ""
-    if branch.doubts() and not (o.errors is not None and not o.is_wrong):
-        reason = DATA_DOUBTED
+    data = [doubt.title for doubt in branch.doubts() if doubt.concerns(o.instance_id)]
+    if data and not (o.errors is not None and not o.is_wrong):
+        reason = f"look at the data first: {listed(dict.fromkeys(data))}"
     if o.is_wrong:
         steps = o.target.instance.recorded
         if method_of(branch.settings.method.name).repeats and steps and all(s.name != ANSWER for s in steps):
             reason = UNANSWERED  # As of a program that was killed.
         return "wrong", reason or (tie if also_fits else "no cause in sight")
-    lead = o.runner_up.describe() if o.runner_up is not None else ""
+    lead = o.runner_up.describe(o.answer) if o.runner_up is not None and o.answer is not None else ""
     if o.errors is not None and o.answer is not None:
-        add = add_where_add_s_is_below(o.target, o.answer.T_cam_obj, CORRECT)
+        add = branch.final_evaluator.add_over_symmetries(o.target, o.answer.T_cam_obj)
         if add is not None:
             return "right", f"by ADD-S only: ADD over its symmetries is {add:.0%}"
         if o.score.score < BAD_FIT:
@@ -200,63 +242,75 @@ def _words(branch: Branch, o: FinishedObject, named: Sequence[Finding], also_fit
     return "unknown", f"{lead}, no doubt in sight" if lead else alone
 
 
-def _also_fits(o: FinishedObject) -> list[float] | None:
+def _also_fits(o: FinishedObject) -> Pose | None:
     """Return a pose elsewhere that explains the image equally well."""
-    if o.other_pose is not None:
-        return pose_list(o.other_pose.T_cam_obj)
+    if o.allowed is not None and o.allowed.furthest is not None:
+        return pose_numbers(o.allowed.furthest.T_cam_obj)
     rival, truth = o.runner_up, o.target.instance.T_cam_obj_gt
     limit_mm = 1e3 * CORRECT * o.target.model.diameter_m
     if o.is_wrong and o.score_at_gt is not None and truth is not None:
         if abs(o.score.score - o.score_at_gt.score) <= NEAR_TIE:
-            return pose_list(truth)
+            return pose_numbers(truth)
     elif rival is not None and rival.lead <= NEAR_TIE and rival.apart_mm > limit_mm:
-        return pose_list(rival.pose.T_cam_obj)
+        return pose_numbers(rival.pose.T_cam_obj)
     return None
 
 
-def _finding(finding: Finding, branch: Branch) -> Json:
+def _allowed(branch: Branch, o: FinishedObject, causes: Sequence[Any]) -> AllowedByImage | None:
+    if o.allowed is None or o.answer is None:
+        return None
+    evaluator, model, T_answer = branch.final_evaluator, o.target.model, o.answer.T_cam_obj
+    return allowed_ghosts(o.allowed, lambda T: evaluator.add_s_mm(model, T, T_answer), causes, BAD_FIT)
+
+
+def _trained(branch: Branch, target: Target) -> RefinerRange | None:
+    refiner, T_gt = branch.run.method_of(branch.run.length).refiner, target.instance.T_cam_obj_gt
+    trained = refiner.trained_range if isinstance(refiner, TrainedRefiner) else None
+    if trained is None or T_gt is None:
+        return None
+    starts = [start_of(target.model, one.T_cam_obj, T_gt) for one in target.instance.hypotheses]
+    most_mm = 1e3 * trained.shift_radii * target.model.diameter_m / 2
+    return RefinerRange(trained.rotation_deg, most_mm, [(one.rotation_deg, one.shift_mm) for one in starts])
+
+
+def _finding(finding: Finding, by_batch: bool, branch: Branch) -> FindingShown:
     k = finding.iteration
-    return {
-        "cause": finding.cause,
-        "title": finding.title,
-        "text": finding.text,
-        "k": k if k is not None and k <= branch.run.length else None,
-        "advice": ADVICE.get(finding.cause, ""),
-        "try": finding.try_ or None,
-        "by_batch": False,
-    }
+    return FindingShown(
+        cause=finding.cause,
+        title=finding.title,
+        text=finding.text,
+        k=k if k is not None and k <= branch.run.length else None,
+        advice=advice_on(finding.cause),
+        try_=finding.try_ or None,
+        by_batch=by_batch,
+        numbers={name: number for name, number in finding.numbers.items() if math.isfinite(number)},
+        tab="errors" if finding.cause in ERROR_CAUSES else "",
+        tab_there="physics" if finding.cause == Cause.SIMULATION else "errors" if finding.cause in ERROR_CAUSES else "",
+    )
 
 
-def _doubt_of_batch(row: Any) -> Json:
-    return {
-        "cause": row.cause,
-        "title": cause_title(row.cause),
-        "text": row.evidence,
-        "k": row.worst_iteration,
-        "advice": ADVICE.get(row.cause, ""),
-        "try": None,
-        "by_batch": True,
-    }
+def _scene(objects: Sequence[JudgedObject], truths: Collection[int], in_doubt: bool) -> JudgedScene:
+    """Return the verdict on all objects, of which those in ``truths`` have ground truth; the worst is named first.
 
-
-def _scene(objects: Sequence[Json], truths: Collection[int]) -> Json:
-    """Return the verdict on all objects, of which those in ``truths`` have ground truth; the worst is named first."""
+    ``in_doubt``: whether data do not fit together, on which physics rests as well.
+    """
     if not objects:
-        return {"tone": "unknown", "words": "", "worst": None, "right": 0, "known": 0}
-    known = [o for o in objects if o["err"] is not None]
-    impossible = [o for o in objects if any(f["cause"] == Cause.IMPOSSIBLE for f in o["findings"])]
-    lowest = min(impossible or objects, key=lambda o: o["score"] or 0.0)
+        return JudgedScene("unknown", "", worst=None, right=0, known=0)
+    known = [(o.err, o) for o in objects if o.err is not None]
+    impossible = [o for o in objects if any(f.cause == Cause.IMPOSSIBLE for f in o.findings)]
+    lowest = min(impossible or objects, key=lambda o: o.score or 0.0)
     n, some, asked = len(objects), len(impossible), len(truths)
     if asked:
-        right = sum(o["err"] < o["limit"] for o in known)
+        right = sum(err < o.limit for err, o in known)
         words = f"{right} of {asked} right" + (f", {n - asked} without ground truth" if asked < n else "")
-        farthest = max(known, key=lambda o: o["err"] / o["limit"], default=lowest)
+        _, farthest = max(known, key=lambda one: one[0] / one[1].limit, default=(0.0, lowest))
         worst = lowest if impossible and right == asked else farthest
         tone = "wrong" if right < asked else "doubt" if impossible else "right"
-        return {"tone": tone, "words": words, "worst": worst["obj"], "right": right, "known": asked}
+        return JudgedScene(tone, words, worst.obj, right, asked)
     words = f"{some} of {n} objects cannot stand so" if some else f"{n} objects, no ground truth"
-    tone = "doubt" if some or any(o["tone"] == "doubt" for o in objects) else "unknown"
-    return {"tone": tone, "words": words, "worst": lowest["obj"], "right": 0, "known": 0}
+    words = f"{n} objects, no ground truth, data in doubt" if in_doubt else words
+    tone = "doubt" if some or any(o.tone == "doubt" for o in objects) else "unknown"
+    return JudgedScene(tone, words, lowest.obj, right=0, known=0)
 
 
 def _notes(branch: Branch) -> list[str]:

@@ -1,14 +1,16 @@
 // The page: one grid of panes.
-import { Component, html, render } from "./vendor/htm-preact.js";
+import { html } from "htm/preact";
+import { Component, render } from "preact";
 import { state, useStore, setView, send, changed } from "./store.js";
-import { start } from "./messages.js";
+import "./received.js";
+import { followAddress } from "./address.js";
 import { dismiss } from "./toasts.js";
 import { connect } from "./connection.js";
 import { isFile, openFile } from "./file.js";
-import { applyTheme, setSize, sizesOf } from "./layout.js";
+import { applyTheme, isLarge, setSize, sizesOf } from "./layout.js";
 import { attachKeys, Overlay } from "./keys.js";
 import { momentOf } from "./moment.js";
-import { Button, IconButton, Icon, Menu, Pane, Splitter, Tabs } from "./ui.js";
+import { Button, counted, IconButton, Icon, Menu, Pane, Splitter, Tabs } from "./ui.js";
 import { Verdict } from "./verdict.js";
 import { Objects } from "./objects.js";
 import { Timeline } from "./timeline.js";
@@ -16,20 +18,25 @@ import { ImagePane } from "./image.js";
 import { MapsPane } from "./maps.js";
 import { ScenePane } from "./scene.js";
 import { Gallery } from "./gallery.js";
+import { FrameStrip } from "./frame_strip.js";
+import { Labels } from "./labels.js";
 import { Report } from "./report.js";
 import { tabs, idOf } from "./tabs/all.js";
 
+/** @import { BranchListed, BusyMessage } from "./messages.d.ts" */
+
 function Page() {
-  const [preset, full, sizes, frame, connection, busy, report] = useStore((s) =>
-    [s.view.preset, s.view.full, s.sizes, s.frame, s.connection, s.busy, s.report]);
+  const [preset, full, frame, connection, busy, report] = useStore((s) =>
+    [s.view.preset, s.view.full, s.frame, s.connection, s.busy, s.report, s.sizes, isLarge()]);
   const size = sizesOf(state);
-  const gallery = preset === "gallery";
+  const [gallery, labels] = ["gallery", "label"].map((id) => preset === id);
   const fr = (share) => `minmax(0, ${share}fr)`;
   const grid = {
     gridTemplateColumns: `${fr(size.image)} 1px ${fr(1 - size.image)} 1px minmax(0, ${100 * size.inspector}vw)`,
-    gridTemplateRows: `auto ${fr(1 - size.maps - size.timeline)} 1px ${fr(size.maps)} 1px ${fr(size.timeline)} auto`,
+    gridTemplateRows: labels ? `auto ${fr(1)} 0 0 0 auto auto`
+      : `auto ${fr(1 - size.maps - size.timeline)} 1px ${fr(size.maps)} 1px ${fr(size.timeline)} auto`,
   };
-  const classes = `page ${state.file && !state.file.scene ? "no-scene" : ""} ${gallery ? `shows-gallery ${frame ? "" : "alone"}` : full ? `full full-${full}` : ""}`;
+  const classes = `page ${state.file && !state.file.scene ? "no-scene" : ""} ${labels ? "labels" : ""} ${gallery ? `shows-gallery ${frame ? "" : "alone"}` : full ? `full full-${full}` : ""}`;
   // The 3D pane stays where it is in every layout: taken out, it would be loaded again.
   return html`<div class=${classes} style=${grid}>
     <${Verdict} />
@@ -43,10 +50,10 @@ function Page() {
     ${gallery && html`<section class="pane gallery"><${Guard}><${Gallery} /><//></section>`}
     <${Splitter} axis="y" area="split-timeline" share=${size.timeline} invert
       onShare=${(x) => setSize("timeline", x)} />
-    <${Timeline} />
+    ${labels ? html`<section class="timeline"><${FrameStrip} /></section>` : html`<${Timeline} />`}
     <${Splitter} axis="x" area="split-inspector" share=${size.inspector} invert
       onShare=${(x) => setSize("inspector", x)} />
-    <aside class="inspector"><${Objects} /><${Inspector} /></aside>
+    <aside class="inspector">${labels ? html`<${Guard}><${Labels} /><//>` : html`<${Objects} /><${Inspector} />`}</aside>
     <${Status} />
     <${Toasts} />
     <${Overlay} />
@@ -73,9 +80,17 @@ class Guard extends Component {
   }
 }
 
+// The tab that is shown: the one chosen, else the one with the picture of what went wrong.
+/** @param {import("./store.js").State} s */
+function tabAt(s) {
+  const moment = momentOf(s);
+  const finding = moment?.isAnswer && moment.verdict?.tone === "wrong" ? moment.verdict.findings[0] : null;
+  return s.view.tab ?? (s.frame?.method === "trace" ? "trace" : finding?.tab || "score");
+}
+
 function Inspector() {
   const [tab, lacking] = useStore(
-    (s) => [s.view.tab, momentOf(s) ? tabs.filter((t) => t.needs && !t.needs(s)).map(idOf).join() : ""]);
+    (s) => [tabAt(s), momentOf(s) ? tabs.filter((t) => t.needs && !t.needs(s)).map(idOf).join() : ""]);
   useStore((s) => s.view); // `needs` may look at all of it
   const empty = new Set(lacking.split(","));
   const current = tabs.find((t) => idOf(t) === tab) ?? tabs[0];
@@ -85,7 +100,7 @@ function Inspector() {
   });
   const why = typeof current.empty === "function" ? current.empty(state) : current.empty;
   return html`<${Tabs} tabs=${list} value=${id} onChange=${(value) => setView({ tab: value })} />
-    <div class="tab-content scroll" key=${id}>${!momentOf(state) ? ""
+    <div class="tab-content scroll" key=${id}>${!momentOf(state) ? state.frame && html`<p class="empty">This frame has no object yet.</p>`
       : empty.has(id) ? html`<p class="empty">${why}</p>` : html`<${Guard}><${current.render} /><//>`}</div>`;
 }
 
@@ -99,7 +114,8 @@ function Status() {
       name="warn" />The server does not answer; it is tried again every second.`
       : !frame ? "" // the middle of the page says it
       : busy.text ? html`<${Meter} share=${busy.share} /><span>${busy.text}</span><${BusyButtons} busy=${busy} />`
-      : running.branch != null ? html`<${Meter} /><span>Computing</span>` : ""}</span>
+      : running.branch != null ? html`<${Meter} /><span>Computing</span>`
+      : running.stopped ? html`<span class="stopped">${running.stopped}</span>` : ""}</span>
     <span class="spring" />
     ${branches.length > 1 && html`<span class="branches">${branches.map((b) => html`<${BranchButton} key=${b.index}
       branch=${b} on=${b.index === branch} />`)}</span>`}
@@ -112,24 +128,24 @@ function Status() {
 const Meter = ({ share }) => html`<span class="meter"><i class=${share == null ? "unknown" : ""}
   style=${{ width: share == null ? "30%" : `${100 * share}%` }} /></span>`;
 
+/** @param {{ busy: BusyMessage }} props */
 const BusyButtons = ({ busy }) => html`
   ${busy.hulls && html`<${Button} title="physics takes every model for its convex hull: no waiting"
     onClick=${() => send({ verb: "open", hulls: true })}>Start with hulls<//>`}
   ${busy.cancel && html`<${Button} title="everything stays as it was (Esc)"
     onClick=${() => send({ verb: "cancel" })}>Cancel<//>`}`;
 
-// What is worth knowing of the frame's data.
+// What is worth knowing of the frame's data; doubts about them have badges beside the verdict.
 function Notes() {
   const frame = useStore((s) => s.frame);
-  const notes = [...(frame?.doubts ?? []).map((n) => [n, true]), ...(frame?.notes ?? []).map((n) => [n, false])];
+  const notes = frame?.notes ?? [];
   if (!notes.length) return null;
-  return html`<${Menu} align="right" icon=${frame.doubts?.length ? "warn" : undefined}
-    title="Notes on the data of this frame"
-    label=${notes.length === 1 ? "1 note" : `${notes.length} notes`}><div
-      class="notes">${notes.map(([n, doubt]) => html`
-      <p class=${doubt ? "tone-doubt" : ""}>${n}</p>`)}</div><//>`;
+  return html`<${Menu} align="right" title="Notes on the data of this frame"
+    label=${counted(notes.length, "note")}><div
+      class="notes">${notes.map((n) => html`<p>${n}</p>`)}</div><//>`;
 }
 
+/** @param {{ branch: BranchListed, on: boolean }} props */
 function BranchButton({ branch, on }) {
   const run = useStore((s) => s.runs.get(branch.index));
   const done = run?.rows.length ?? 0;
@@ -148,7 +164,7 @@ function Toasts() {
     <div key=${t.id} class=${`toast ${t.kind}`}><span>${t.text}</span>
       ${t.url && html`<a href=${t.url} download=${t.name}>download</a>`}
       ${t.offer && html`<${Button} title="do this instead"
-        onClick=${() => { dismiss(t.id); t.offer.action ? t.offer.action() : send(t.offer.verb); }}>${t.offer.words}<//>`}
+        onClick=${() => { dismiss(t.id); "action" in t.offer ? t.offer.action() : send(t.offer.verb); }}>${t.offer.words}<//>`}
       <${IconButton} icon="close" title="close" onClick=${() => dismiss(t.id)} />
     </div>`)}</div>`;
 }
@@ -157,6 +173,6 @@ applyTheme();
 attachKeys(window);
 addEventListener("resize", changed);
 render(html`<${Page} />`, document.getElementById("app"));
-start();
+followAddress();
 if (isFile) openFile();
 else connect();

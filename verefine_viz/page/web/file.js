@@ -2,8 +2,6 @@
 import { answeredBy, on, receive, setView, state, update } from "./store.js";
 import { toast } from "./toasts.js";
 
-Object.assign(state, { file: null }); // { command that opens it live, maps: "end", "marked" or "all", scene: whether it has the 3D view }
-
 const textOf = (id) => document.getElementById(id)?.textContent ?? null;
 export const isFile = textOf("page") != null;
 
@@ -18,12 +16,13 @@ const MAPS = {
   marked: "The file holds the maps of the answer, of ground truth where it is known, of the initial poses and of the marked iterations, switches aside.",
 };
 
+/** @param {import("./messages.d.ts").AnyWant} of */
 function answer(of) {
-  if (of.what === "outlines") return { outlines: of.poses.map((T) => outlines.get(poseKey(of.obj, T)) ?? []) };
-  return answers.get(keyOf(of)) ?? { gone: (of.what === "maps" && MAPS[state.file.maps]) || "The file does not hold this." };
+  if (of.what === "outlines") return { what: "outlines", outlines: of.poses.map((T) => outlines.get(poseKey(of.obj, T)) ?? []) };
+  return answers.get(keyOf(of)) ?? { what: "gone", gone: (of.what === "maps" && MAPS[state.file.maps]) || "The file does not hold this." };
 }
 
-const later = (id, of) => queueMicrotask(() => receive({ t: "answer", id, ...answer(of) }));
+const later = (id, of) => queueMicrotask(() => receive({ t: "answer", id, answer: answer(of) }));
 
 function bytes(id) {
   const text = textOf(id);
@@ -53,7 +52,7 @@ const server = {
   address: (path) => textOf(path.split("?")[0]) ?? path,
 };
 
-on("file", ({ command, maps, scene }) => update({ file: { command, maps, scene } }));
+on("file", (file) => update({ file }));
 
 // The 3D view, a page of its own; null where the file has none.
 export const scenePage = () => bytes("scene3d").then((page) => page && new TextDecoder().decode(page));
@@ -72,7 +71,10 @@ async function open(part) {
   for (const message of given.messages) receive(message.t === "frame" ? { ...message, id: opened } : message);
 }
 
-// A report holds some frames, each a part of its own; others are files beside it.
+/**
+ * A report holds some frames, each a part of its own; others are files beside it.
+ * @param {import("./messages.d.ts").GalleryRow} row
+ */
 async function openAnswer({ part, file, obj, k, command }) {
   if (part == null && file) return location.assign(`${file.split("/").map(encodeURIComponent).join("/")}#instance=${obj}&iteration=${k}`);
   if (part == null) return toast("note", `The report does not hold this frame. It opens by ${command}`);

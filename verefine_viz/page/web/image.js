@@ -1,18 +1,27 @@
 // The image pane: photo or depth, a map or the shaded model over it, outlines of poses; wiped, blinked, measured; and a
 // pose that is moved by the mouse.
-import { html, useEffect, useLayoutEffect, useRef, useState } from "./vendor/htm-preact.js";
-import { state, setView, update, send, listen, useStore } from "./store.js";
+import { html } from "htm/preact";
+import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
+import { state, setView, update, listen, useStore } from "./store.js";
 import { momentOf } from "./moment.js";
 import { Pane, Button, Select, Swatch } from "./ui.js";
 import { addKeys } from "./keys.js";
-import { toast } from "./toasts.js";
-import { MAPS, CLASSES, valueText } from "./colours.js";
+import { MAPS, valueText } from "./colours.js";
+import { palette } from "./palette.js";
 import { sidesOf, readAt, photo, colourAt, observedDepth, hasColour } from "./sides.js";
-import { prepareAhead } from "./outlines.js";
-import { contoursOf, depthAt, draw } from "./drawing.js";
-import { between, dragged, origin, project, displaced, displacement, receded, shifted, turned } from "./pose.js";
+import { mark } from "./marking.js";
+import { outlineOf, prepareAhead } from "./outlines.js";
+import { DoubtCard } from "./doubt_card.js";
+import { shownDoubt } from "./doubts.js";
+import { contoursOf, depthAt, draw, isOutlined } from "./drawing.js";
+import { isChosenBySense, isToBlame, toggleDrawn } from "./drawn_unasked.js";
+import { edit, EditBar, moveTo, toggleEdit, turnedBy, useEditKeys } from "./editing.js";
+import { ask, labelInHand, modelInHand, sketchAt, sketchedTo } from "./labelling.js";
+import { dragged, origin, project, receded, turned } from "./pose.js";
 
 const MARGIN = 0.25; // shown around the object, as a share of its size
+const LEGEND = 11.5; // rem, left of the object; a narrow pane gives it less
+const LEGEND_SHARE = 0.33;
 const NEAR_PX = 7; // how near the divider is taken
 const FAR_PX = 3; // a click that moved more is a drag
 const TURN = (0.4 * Math.PI) / 180; // radians a pixel of a drag
@@ -22,15 +31,20 @@ const BLINK_MS = 450;
 const DEFAULTS = {
   under: "photo", // or depth
   over: "none", // shaded, or the name of a map
-  side: "b", // whose
+  side: null, // whose; null = that of the answer where the other is ground truth
   opacity: 0.75,
   wipe: "off", // photo: picture | what is over it; ab: A | B
   at: 0.5, // of the width, where the divider is
-  blink: null, // whether the model is shown just now; null = it does not blink
-  hidden: ["hypotheses", "mask"],
+  blink: null, // what is shown just now: photo, a or b; null = nothing blinks
+  hidden: ["hypotheses", "mask", "plane"],
 };
-const layersOf = (s) => ({ ...DEFAULTS, ...s.view.layers });
-const setLayers = (patch) => setView({ layers: { ...layersOf(state), ...patch } });
+const layersOf = (s) => {
+  const moment = momentOf(s);
+  const hidden = DEFAULTS.hidden.filter((key) => !isToBlame(moment, key));
+  const layers = { ...DEFAULTS, hidden, ...s.view.layers };
+  return { ...layers, side: layers.side ?? (moment?.b?.name === "ground truth" ? "a" : "b") };
+};
+const setLayers = (patch) => setView({ layers: { ...state.view.layers, ...patch } });
 const shownSides = (s) => sidesOf(momentOf(s));
 
 // Where the image is in the pane: a scale [CSS pixels a pixel] and the place of pixel 0, 0. `zoom` is null (the object
@@ -45,13 +59,14 @@ function placeOf(zoom, size, camera, box) {
   const fitsObject = box && zoom !== "image";
   const [u0, v0, u1, v1] = fitsObject ? box : [0, 0, camera.w, camera.h];
   const around = 1 + 2 * (fitsObject ? MARGIN : 0);
-  const scale = Math.max(Math.min(size.w / (u1 - u0), size.h / (v1 - v0)) / around, whole);
-  // The middle of the box in the middle; but nothing beside the image where there is enough of it.
-  const start = (all, area, middle) =>
+  const left = fitsObject ? Math.min(LEGEND * size.rem, LEGEND_SHARE * size.w) : 0;
+  const scale = Math.max(Math.min((size.w - left) / (u1 - u0), size.h / (v1 - v0)) / around, whole);
+  // The middle of the box in the middle of what is beside the legend; but nothing beside the image where there is enough of it.
+  const start = (all, area, middle, from = 0) =>
     scale * all > area
-      ? Math.min(Math.max(area / 2 - scale * middle, area - scale * all), 0)
+      ? Math.min(Math.max((from + area) / 2 - scale * middle, area - scale * all), 0)
       : (area - scale * all) / 2;
-  return { scale, x: start(camera.w, size.w, (u0 + u1) / 2), y: start(camera.h, size.h, (v0 + v1) / 2) };
+  return { scale, x: start(camera.w, size.w, (u0 + u1) / 2, left), y: start(camera.h, size.h, (v0 + v1) / 2) };
 }
 
 const zoomOf = (place, size, camera) => ({
@@ -70,8 +85,9 @@ const fitNext = () => setView({ zoom: state.view.zoom == null ? "image" : null }
 
 // Numbers of the marked pixel, else of the one under the mouse, straight from the arrays
 
+/** @type {[string, string, number][]} */
 const OF_PIXEL = [["rendered", "model", 6.2], ["difference", "Δ mm", 5], ["angle", "∠", 2.6], ["f_d", "f_d", 3],
-  ["f_n", "f_n", 3], ["correlation", "corr.", 4.2], ["classes", "", 7.5]]; // map, words, width in digits
+  ["f_n", "f_n", 3], ["correlation", "f_c", 4.2], ["classes", "", 7.5]]; // map, words, width in digits
 
 function Numbers() {
   const [sides, pixel] = useStore((s) => [shownSides(s), s.view.pixel ?? s.hover, photo(), observedDepth()]);
@@ -80,8 +96,11 @@ function Numbers() {
   const maps = OF_PIXEL.filter(([name]) => name !== "correlation" || hasColour(sides));
   const adds = (side) =>
     `½ (f_d + f_n); its mean over the ${side.score?.n ?? 0} pixels that count is the score without colour`;
-  return html`<div class="pixel-numbers">
-    <div><b class="at">${pixel ? pixel.join(", ") : "pixel"}</b>
+  const isMarked = useStore((s) => s.view.pixel != null);
+  if (!pixel) return html`<div class="pixel-numbers"><div class="none">Numbers of a pixel: point at it, click to mark it</div></div>`;
+  // Over the picture, which keeps its place.
+  return html`<div class="pixel-numbers"><div class=${`rows ${isMarked ? "" : "passing"}`}>
+    <div><b class="at">${pixel.join(", ")}</b>
       <span>observed <i>${depth ? `${depth.toFixed(4)} m` : "–"}</i></span>
       ${state.frame.rgb && html`<span>colour <i>${colour
         ? html`<em style=${{ background: `rgb(${colour})` }} />${colour.join(" ")}` : "–"}</i></span>`}</div>
@@ -90,100 +109,62 @@ function Numbers() {
       ${maps.map(([name, words, width]) => html`<span class=${name} title=${MAPS[name].hint}>${words} <i
         style=${{ minWidth: `${width}ch` }}>${numberOf(name, side, pixel)}</i></span>`)}
       <span class="adds" title=${adds(side)}>adds <i>${fitOf(side, pixel)}</i></span></div>`)}
-  </div>`;
+  </div></div>`;
 }
 function numberOf(name, side, pixel) {
   if (side.stale) return side.gone ? "–" : "…";
   const value = readAt(name, side, pixel);
   if (value == null) return "–";
   if (name !== "classes") return `${valueText(MAPS[name], value)}${name === "angle" ? "°" : ""}`;
-  return html`<em style=${{ background: CLASSES.find((c) => c.name === value).color }} />${value}`;
+  return html`<em style=${{ background: palette.classes.find((c) => c.name === value).color }} />${value}`;
 }
 function fitOf(side, pixel) {
-  const [f_d, f_n] = ["f_d", "f_n"].map((name) => (side.stale ? null : readAt(name, side, pixel)));
+  const [f_d, f_n] = ["f_d", "f_n"].map((name) =>
+    /** @type {number | null} */ (side.stale ? null : readAt(name, side, pixel)));
   return f_d == null ? "–" : ((f_d + f_n) / 2).toFixed(2);
-}
-
-// Editing a pose
-
-const editable = ({ poses }) => (state.view.edited ? null : poses.edited) ?? poses.accepted ?? poses.current ?? poses.best ?? poses.initial;
-export function toggleEdit() {
-  if (state.view.edited) return setView({ edited: null });
-  const moment = momentOf(state);
-  const pose = moment && editable(moment);
-  if (!pose?.T) return undefined;
-  return setView({ edited: { obj: moment.obj, arm: pose.arm ?? moment.arm, T: pose.T, from: pose.T } });
-}
-const moveTo = (T) => setView({ edited: { from: editable(momentOf(state)).T, ...state.view.edited, T } });
-function nudge(event, x, y) {
-  const m = (NOTCH_MM / 1000) * (event?.shiftKey ? FINE : 1);
-  moveTo(shifted(state.view.edited.T, [x * m, y * m, 0]));
-}
-function proceed(moment) {
-  const { obj, arm, T } = state.view.edited;
-  // The server takes the edited pose from the view once it is in a branch.
-  send({ verb: "fork", branch: moment.branch, k: moment.k, changes: {}, edit: { obj, arm, T } });
-}
-
-// A moved pose that goes because another moment is shown can be taken back.
-let last = state.view;
-listen(() => {
-  const [before, now] = [last, state.view];
-  last = now;
-  const { edited, branch, k } = before;
-  const isLost = edited?.from && !now.edited && now.branch === branch && now.k !== k && state.frame;
-  if (!isLost || edited.T.every((x, i) => Math.abs(x - edited.from[i]) < 1e-5)) return;
-  const { id } = state.frame;
-  const back = () => state.frame?.id === id && setView({ branch, k, obj: edited.obj, stage: null, moment: null, edited });
-  toast("note", "The edited pose was left.", { offer: { words: "Take it back", action: back } });
-});
-
-// The edited pose in numbers, to read and to type: how far it was moved and turned from where the editing began.
-function Displacement({ from, T }) {
-  const [axes, setAxes] = useState("camera");
-  const [shift, turn] = displacement(from, T, axes);
-  const field = (value, i, list, type) => html`<input key=${i} type="text" inputmode="decimal" aria-label=${`${type} ${"xyz"[i]}`}
-    title=${`${type} ${"xyz"[i]}`} value=${(Math.round(value * 100) / 100 + 0).toString()} onChange=${(e) => {
-      const typed = Number(e.currentTarget.value.replace("−", "-"));
-      const next = list.map((x, j) => (j === i ? typed : x)); // what is not typed keeps its hidden decimals
-      const most = type === "moved" ? 10000 : 180;
-      if (Number.isFinite(typed) && Math.abs(typed) <= most) moveTo(displaced(from, ...(list === shift ? [next, turn] : [shift, next]), axes));
-      e.currentTarget.value = value.toFixed(2);
-    }} />`;
-  return html`<span class="numbers"><${Select} value=${axes} options=${[["camera", "camera axes"], ["object", "object axes"]]} onChange=${setAxes}
-      title="camera: x to the right, y down, z away. object: those of its model, as it was" />
-    mm ${shift.map((v, i) => field(v, i, shift, "moved"))} ° ${turn.map((v, i) => field(v, i, turn, "turned"))}</span>`;
-}
-
-function EditLine() {
-  const [moment, sides, edit] = useStore((s) => [momentOf(s), shownSides(s), s.view.edited]);
-  if (!edit || !moment) return null;
-  const { T, arm, from = editable(moment).T } = edit;
-  const { mm, deg } = between(from, T);
-  const now = [sides.a, sides.b].find((side) => side?.pose.name === "edited");
-  const before = editable(moment).score;
-  return html`<div class="editing">
-    <span>hypothesis ${arm + 1} moved <b>${mm.toFixed(1)} mm</b> <b>${deg.toFixed(1)}°</b></span>
-    <span>score <b>${now && !now.stale ? now.score.score.toFixed(3) : "…"}</b>
-      ${before != null && html` <i>from ${before.toFixed(3)}</i>`}</span>
-    <${Displacement} from=${from} T=${T} />
-    <${Button} engine kind="primary" title="a new branch from this pose"
-      onClick=${() => proceed(moment)}>Continue from here<//>
-    <${Button} title="back to where it began" disabled=${mm + deg === 0} onClick=${() => moveTo(from)}>Reset<//>
-    <${Button} title="stop editing (Esc)" onClick=${() => setView({ edited: null })}>Cancel<//>
-    <i class="how" title="arrows: 1 mm; with Shift wheel and arrows 0.2 mm">drag: move · wheel: depth · Shift: turn · Alt: spin</i>
-  </div>`;
 }
 
 // Mouse
 
 export const setHover = (pixel) => String(pixel) === String(state.hover ?? null) || update({ hover: pixel });
-export const markPixel = (pixel) => setView({ pixel: String(pixel) === String(state.view.pixel) ? null : pixel });
 export function inImage(u, v) {
   const { w, h } = state.frame.camera;
   const pixel = [Math.floor(u), Math.floor(v)];
-  return pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < w && pixel[1] < h ? pixel : null;
+  return pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < w && pixel[1] < h ? /** @type {[number, number]} */ (pixel) : null;
 }
+
+// Whether a place of the image lies on the label in hand: a drag there moves it.
+function isOnLabel(u, v) {
+  const label = labelInHand(state);
+  const path = label && outlineOf(label.obj, label.T);
+  return Boolean(path && document.createElement("canvas").getContext("2d").isPointInPath(path, u, v));
+}
+const clamped = ({ u, v }) => {
+  const { w, h } = state.frame.camera;
+  return /** @type {[number, number]} */ ([Math.min(Math.max(Math.floor(u), 0), w - 1), Math.min(Math.max(Math.floor(v), 0), h - 1)]);
+};
+
+// What a drag does that begins at a place, beside the divider.
+function kindOf(event, { u, v, pixel }) {
+  if (modelInHand(state) && pixel) return "sketch";
+  if (!state.view.edited && !isOnLabel(u, v)) return event.shiftKey ? "ruler" : "pan";
+  return event.shiftKey ? "turn" : event.ctrlKey || event.altKey ? "spin" : "move";
+}
+
+// What each kind of drag does at each move.
+const dragsOf = (here, setPlace) => ({
+  wipe: ({ now }) => setLayers({ at: Math.min(Math.max(now.x / here.current.size.w, 0), 1) }),
+  sketch: ({ now }) => update({ sketch: sketchedTo(state.sketch, clamped(now)) }),
+  pan: ({ place, dx, dy }) => setPlace({ scale: place.scale, x: place.x + dx, y: place.y + dy }),
+  ruler: ({ start, now }) => setView({ ruler: start.pixel && now.pixel ? [start.pixel, now.pixel] : null }),
+  move: ({ T, place, dx, dy }) => moveTo(dragged(T, dx / place.scale, dy / place.scale, state.frame.camera.K), "drag"),
+  turn: ({ T, dx, dy }) => moveTo(turnedBy(T, dx * TURN, dy * TURN), "drag"),
+  spin: ({ T, start, now }) => {
+    const [u, v] = project(origin(T), state.frame.camera.K);
+    const angle = (p) => Math.atan2(p.v - v - 0.5, p.u - u - 0.5);
+    moveTo(turned(T, origin(T), angle(now) - angle(start)), "drag");
+  },
+});
 
 // `here.current` holds the pane's size, where the image is in it, and the drag that goes on.
 function handlers(canvas, here) {
@@ -199,29 +180,16 @@ function handlers(canvas, here) {
     return wipe !== "off" && Math.abs(x - share * here.current.size.w) < NEAR_PX;
   };
   const setPlace = (place) => setView({ zoom: zoomOf(place, here.current.size, state.frame.camera) });
-  const kindOf = (event, start) => {
-    if (overDivider(start.x)) return "wipe";
-    if (!state.view.edited) return event.shiftKey ? "ruler" : "pan";
-    return event.shiftKey ? "turn" : event.ctrlKey || event.altKey ? "spin" : "move";
-  };
-  const drags = {
-    wipe: ({ now }) => setLayers({ at: Math.min(Math.max(now.x / here.current.size.w, 0), 1) }),
-    pan: ({ place, dx, dy }) => setPlace({ scale: place.scale, x: place.x + dx, y: place.y + dy }),
-    ruler: ({ start, now }) => setView({ ruler: start.pixel && now.pixel ? [start.pixel, now.pixel] : null }),
-    move: ({ T, place, dx, dy }) => moveTo(dragged(T, dx / place.scale, dy / place.scale, state.frame.camera.K)),
-    turn: ({ T, dx, dy }) => moveTo(turned(turned(T, [0, -1, 0], dx * TURN), [1, 0, 0], dy * TURN)),
-    spin: ({ T, start, now }) => {
-      const [u, v] = project(origin(T), state.frame.camera.K);
-      const angle = (p) => Math.atan2(p.v - v - 0.5, p.u - u - 0.5);
-      moveTo(turned(T, origin(T), angle(now) - angle(start)));
-    },
-  };
+  const drags = dragsOf(here, setPlace);
 
   const onPointerDown = (event) => {
     if (event.button !== 0) return;
     const start = at(event);
     const { place } = here.current;
-    here.current.drag = { kind: kindOf(event, start), start, place, T: state.view.edited?.T, far: false };
+    const kind = overDivider(start.x) ? "wipe" : kindOf(event, start);
+    if (kind === "sketch" && state.placing) return;
+    if (kind === "sketch") update({ sketch: sketchAt(start.pixel, event.altKey || state.view.scribbles) });
+    here.current.drag = { kind, start, place, T: state.view.edited?.T ?? labelInHand(state)?.T, far: false };
     canvas.current.setPointerCapture(event.pointerId);
   };
   const onPointerMove = (event) => {
@@ -229,34 +197,42 @@ function handlers(canvas, here) {
     const { drag } = here.current;
     setHover(now.pixel);
     const isWipe = drag ? drag.kind === "wipe" : overDivider(now.x);
-    canvas.current.style.cursor = isWipe ? "ew-resize" : state.view.edited ? "move" : "crosshair";
+    canvas.current.style.cursor = isWipe ? "ew-resize" : modelInHand(state) ? "copy"
+      : state.view.edited || drag?.kind === "move" || (!drag && isOnLabel(now.u, now.v)) ? "move" : "crosshair";
     if (!drag) return;
     const [dx, dy] = [now.x - drag.start.x, now.y - drag.start.y];
+    const wasFar = drag.far;
     drag.far ||= Math.hypot(dx, dy) > FAR_PX;
+    if (drag.far && !wasFar && !state.view.edited && ["move", "turn", "spin"].includes(drag.kind)) edit();
     if (drag.far || drag.kind === "wipe") drags[drag.kind]({ ...drag, now, dx, dy });
   };
   const onPointerUp = () => {
     const { drag } = here.current;
     here.current.drag = null;
-    if (!drag || drag.far || !["pan", "ruler"].includes(drag.kind)) return;
-    if (state.view.ruler) setView({ ruler: null });
-    if (drag.start.pixel) markPixel(drag.start.pixel);
+    if (drag?.kind === "sketch" && state.sketch) return ask(state.sketch);
+    if (!drag || drag.far || drag.kind === "wipe" || state.view.edited) return undefined;
+    if (drag.start.pixel) mark(drag.start.pixel);
+    return undefined;
   };
   const onWheel = (event) => {
     event.preventDefault();
     if (state.view.edited && !event.ctrlKey) {
       const mm = Math.sign(event.deltaY || event.deltaX) * NOTCH_MM * (event.shiftKey ? FINE : 1);
-      return moveTo(receded(state.view.edited.T, -mm / 1000));
+      return moveTo(receded(state.view.edited.T, -mm / 1000), "wheel");
     }
     const { place, size } = here.current;
     const fit = Math.min(size.w / state.frame.camera.w, size.h / state.frame.camera.h);
     return setPlace(zoomed(place, Math.exp(-0.0016 * event.deltaY), at(event), 0.5 * fit, 60 * fit));
   };
   const onDblClick = () => {
+    if (modelInHand(state)) return;
     setView({ pixel: null });
     fitNext();
   };
-  const onPointerCancel = () => (here.current.drag = null);
+  const onPointerCancel = () => {
+    here.current.drag = null;
+    update({ sketch: null });
+  };
   const onPointerLeave = () => here.current.drag || setHover(null);
   return { onPointerDown, onPointerMove, onPointerUp, onPointerCancel, onPointerLeave, onWheel, onDblClick };
 }
@@ -264,31 +240,35 @@ function handlers(canvas, here) {
 // Keys
 
 function toggleOutline(key) {
+  if (isChosenBySense(key)) return toggleDrawn(momentOf(state), key);
   const { hidden } = layersOf(state);
-  setLayers({ hidden: hidden.includes(key) ? hidden.filter((k) => k !== key) : [...hidden, key] });
+  return setLayers({ hidden: hidden.includes(key) ? hidden.filter((k) => k !== key) : [...hidden, key] });
 }
-const blink = () => layersOf(state).blink == null && setLayers({ blink: true });
+const blink = () => layersOf(state).blink == null && setLayers({ blink: nextBlink("photo") });
+// After the photo A, after A B where it is another pose, then the photo again.
+/** @type {(now: "photo" | "a" | "b") => "photo" | "a" | "b"} */
+function nextBlink(now) {
+  const { a, b } = shownSides(state);
+  const all = /** @type {("photo" | "a" | "b")[]} */ (["photo", ...(a ? ["a"] : []), ...(b ? ["b"] : [])]);
+  return all[(all.indexOf(now) + 1) % all.length];
+}
 const KEYS = [
   { id: "edit", keys: ["p"], title: "Edit the pose in the image", group: "Image", action: toggleEdit,
     when: () => !state.file },
-  { id: "blink", keys: ["v"], title: "Hold: photo and shaded model in turn", group: "Image", action: blink },
+  { id: "blink", keys: ["v"], title: "Hold: photo, A and B in turn", group: "Image", action: blink },
   { id: "hypotheses", keys: ["h"], title: "Outlines of the hypotheses on or off", group: "Image",
     action: () => toggleOutline("hypotheses") },
   { id: "truth", keys: ["u"], title: "Outline of the ground truth on or off", group: "Image",
     action: () => toggleOutline("ground truth"), when: () => Boolean(momentOf(state)?.object.gt) },
   { id: "fit", keys: ["o"], title: "Fit the object, or the whole image", group: "Image", action: fitNext },
 ];
-const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-const ARROWS = Object.entries(WAYS).map(([key, way]) =>
-  ({ id: key, keys: [key], title: "Move the edited pose by 1 mm", group: "Image", action: (event) => nudge(event, ...way) }));
 function useKeys() {
-  const [edits, blinks, isOver] = useStore((s) =>
-    [Boolean(s.view.edited), layersOf(s).blink != null, s.hoverIn === "image"]);
+  const blinks = useStore((s) => layersOf(s).blink != null);
   useEffect(() => addKeys(KEYS), []);
-  useEffect(() => (edits && isOver ? addKeys(ARROWS) : undefined), [edits, isOver]);
+  useEditKeys();
   useEffect(() => {
     if (!blinks) return undefined;
-    const timer = setInterval(() => setLayers({ blink: !layersOf(state).blink }), BLINK_MS);
+    const timer = setInterval(() => setLayers({ blink: nextBlink(layersOf(state).blink) }), BLINK_MS);
     const letGo = (e) => e.key.toLowerCase() === "v" && setLayers({ blink: null });
     addEventListener("keyup", letGo);
     return () => {
@@ -302,7 +282,7 @@ function useKeys() {
 
 // Size of an element in CSS pixels, and of a rem.
 export function useSize() {
-  const root = useRef();
+  const root = useRef(null);
   const [size, setSize] = useState(null);
   useLayoutEffect(() => {
     const measure = () => {
@@ -352,13 +332,14 @@ function Tools() {
 
 function Picture() {
   const [root, size] = useSize();
-  const canvas = useRef();
+  const [doubted, edits] = useStore((s) => [Boolean(shownDoubt(s)), Boolean(s.view.edited)]);
+  const canvas = useRef(null);
   const here = useRef({});
-  const paint = useRef();
+  const paint = useRef(null);
   paint.current = () => {
     const moment = momentOf(state);
-    if (!size || !moment || !canvas.current) return;
-    const place = placeOf(state.view.zoom ?? null, size, state.frame.camera, moment.object.box);
+    if (!size || !canvas.current) return;
+    const place = placeOf(state.view.zoom ?? null, size, state.frame.camera, moment?.object.box);
     Object.assign(here.current, { size, place });
     fitCanvas(canvas.current, size);
     draw(canvas.current, size, place, moment, sidesOf(moment), layersOf(state));
@@ -372,9 +353,9 @@ function Picture() {
     <div class="stage" ref=${root} onPointerEnter=${() => update({ hoverIn: "image" })}
       onPointerLeave=${() => update({ hoverIn: null })}>
       <canvas ref=${canvas} ...${handlers(canvas, here)} />
-      <${Legend} /><${Acts} /><${WipeNames} /><${EditLine} />
+      <${Legend} /><${Acts} /><${WipeNames} /><${Placing} />
     </div>
-    <${Numbers} />
+    ${edits ? html`<${EditBar} />` : doubted ? html`<${DoubtCard} />` : html`<${Numbers} />`}
   </div>`;
 }
 
@@ -382,31 +363,48 @@ function Picture() {
 function Acts() {
   const [zoom, edits, layers] = useStore((s) => [s.view.zoom, Boolean(s.view.edited), s.view.layers]);
   const { under, blink: blinks } = { ...DEFAULTS, ...layers };
+  const isThere = useStore((s) => Boolean(momentOf(s)));
   return html`<div class="acts">
     ${state.frame.rgb && html`<${Button} title="observed depth instead of the photo" on=${under === "depth"}
       onClick=${() => setLayers({ under: under === "depth" ? "photo" : "depth" })}>Depth<//>`}
-    <${Button} title="photo and shaded model in turn (hold V)" on=${blinks != null}
-      onClick=${() => setLayers({ blink: blinks == null ? true : null })}>Blink<//>
-    <${Button} title="fit the object, or the whole image (O, or double click)" onClick=${fitNext}>
-      ${zoom == null ? "Whole" : "Object"}<//>
-    <${Button} engine title="move the pose by the mouse (P)" on=${edits} onClick=${toggleEdit}>Edit pose<//></div>`;
+    ${isThere && html`<${Button} title="photo, A and B in turn (hold V)" on=${blinks != null}
+      onClick=${() => (blinks == null ? blink() : setLayers({ blink: null }))}>Blink<//>`}
+    ${(isThere || typeof zoom === "object" && zoom) && html`<${Button} title="fit the object, or the whole image (O, or double click)" onClick=${fitNext}>
+      ${zoom == null ? "Whole" : isThere ? "Object" : "Fit"}<//>`}
+    ${isThere && html`<${Button} engine title="move the pose by the mouse (P)" on=${edits} onClick=${toggleEdit}>Edit pose<//>`}</div>`;
+}
+
+// What a press does while a model is chosen.
+function Placing() {
+  const [model, scribbles, placing] = useStore((s) => [modelInHand(s), s.view.scribbles, s.placing]);
+  if (!model) return null;
+  return html`<div class="placing"><b>${model.name}</b>
+    <span>${placing ? "is placed …" : `click: place it. Drag: find it ${scribbles ? "on a scribble" : "in a box"}.`}</span>
+    <${Button} title="drag a scribble over the object instead of a box (or hold Alt)" on=${scribbles}
+      onClick=${() => setView({ scribbles: !scribbles })}>Scribble<//>
+    <${Button} title="place nothing (Esc)" icon="close" kind="square" onClick=${() => setView({ model: null })} /></div>`;
 }
 
 function Legend() {
-  const [moment] = useStore((s) => [momentOf(s), s.view.layers]);
-  if (!moment) return null;
-  const { hidden } = layersOf(state);
-  const entry = ({ key, color, dashed, label }) => html`
-    <button type="button" key=${key} class=${hidden.includes(key) ? "off" : ""} title="show or hide this outline"
+  const [moment, doubt] = useStore((s) => [momentOf(s), shownDoubt(s), s.view.layers]);
+  if (!moment || doubt) return null;
+  const layers = layersOf(state);
+  const entry = ({ key, color, dashed, label, hint, letter }) => html`
+    <button type="button" key=${key} class=${isOutlined(moment, layers, key) ? "" : "off"} title=${hint ? `${hint}; show or hide` : "show or hide"}
       onClick=${(e) => { e.currentTarget.blur(); toggleOutline(key); }}>
-      <${Swatch} color=${color} hollow=${dashed} /><span>${label}</span></button>`;
+      <${Swatch} color=${color} hollow=${dashed} /><span>${label}</span>
+      ${letter && html`<b class=${`letter ${letter.toLowerCase()}`}>${letter}</b>`}</button>`;
   return html`<div class="legend">${contoursOf(moment).map(entry)}</div>`;
 }
 
 function WipeNames() {
-  const layers = useStore((s) => (layersOf(s).wipe === "off" ? null : s.view.layers));
-  if (!layers) return null;
-  const { wipe, over, at, under } = layersOf(state);
+  const [layers, moment] = useStore((s) => [s.view.layers, momentOf(s)]);
+  const { wipe, over, at, under, blink: blinks } = layersOf(state);
+  if (blinks && layers) {
+    const shown = blinks === "photo" ? (state.frame.rgb ? under : "depth") : `${blinks.toUpperCase()} ${moment?.[blinks]?.label ?? ""}`;
+    return html`<div class="wiped"><span class="blinks">${shown}</span></div>`;
+  }
+  if (wipe === "off") return null;
   const model = MAPS[over]?.label ?? "shaded model";
   const names = wipe === "ab" ? [`A ${model}`, `B ${model}`] : [state.frame.rgb ? under : "depth", model];
   const left = `${100 * at}%`;

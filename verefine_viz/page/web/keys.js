@@ -1,12 +1,15 @@
 // One table of keys, the same for buttons' titles, the help and the palette; keys work whatever was clicked last.
-import { html, useState, useRef, useEffect } from "./vendor/htm-preact.js";
+import { html } from "htm/preact";
+import { useState, useRef, useEffect } from "preact/hooks";
 import { state, setView, update, send, useStore } from "./store.js";
-import { back, isBusy, pause, run, runOf, seek, step, stepStage, stopReplay, toggleRun,
-  toNextEvent } from "./moment.js";
+import { runOf } from "./moment.js";
+import { back, isBusy, pause, seek, step, stepStage, stopReplay, toggleRun, toNextEvent } from "./cursor.js";
 import { Dialog, fillPane } from "./ui.js";
 import { tabs, idOf } from "./tabs/all.js";
 import { setPreset, presets, switchTheme } from "./layout.js";
-import { copyLink } from "./messages.js";
+import { closeDoubt } from "./doubts.js";
+import { copyLink } from "./address.js";
+import { isLabelling } from "./labelling.js";
 
 // when: whether it can be done now; silent: not in the lists. The first key is the one that titles name.
 export const ACTIONS = [
@@ -30,9 +33,9 @@ export const ACTIONS = [
   { id: "escape", keys: ["Escape"], title: "Close, unmark, cancel", group: "Show", action: escape },
 ];
 
-const NAMES = { ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓", " ": "Space", Escape: "Esc", "Ctrl+k": "Ctrl+K" };
-export const keyName = (key) => NAMES[key]
-  ?? (/^[A-Z]$/.test(key) ? `Shift+${key}` : key.length === 1 ? key.toUpperCase() : key);
+const NAMES = { ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓", " ": "Space", Escape: "Esc" };
+export const keyName = (key) => key.replace(/^((?:Ctrl\+)?(?:Shift\+)?)(.+)$/, (_, held, last) => held + (NAMES[last]
+  ?? (/^[A-Z]$/.test(last) ? `Shift+${last}` : last.length === 1 ? last.toUpperCase() : last)));
 // A button's title: what it does and its key.
 export function titled(id, words) {
   const action = ACTIONS.find((a) => a.id === id);
@@ -69,14 +72,18 @@ function toggleOverlay(name) {
 
 function escape() {
   if (state.overlay) return update({ overlay: null });
+  if (state.toasts.length) return update({ toasts: [] });
   if (state.busy.text && state.busy.cancel) return send({ verb: "cancel" });
   if (state.replaying) return stopReplay();
   if (state.view.edited) return setView({ edited: null });
+  if (state.view.model != null) return setView({ model: null });
+  if (state.view.doubt != null) return closeDoubt();
   if (state.view.largeMap) return setView({ largeMap: null });
-  if (state.view.pixel) return setView({ pixel: null });
+  if (state.view.pixel || state.view.ruler) return setView({ pixel: null, ruler: null });
+  if (state.view.measuring) return setView({ measuring: false });
   if (state.view.full) return setView({ full: null });
   if (state.view.stage) return setView({ stage: null, moment: null });
-  if (state.view.obj != null) return setView({ obj: null, arm: null });
+  if (state.view.obj != null && !isLabelling(state)) return setView({ obj: null, arm: null }); // a label stays in hand
   if (isBusy()) pause();
   else if (state.report) setPreset("report");
   return undefined;
@@ -84,20 +91,28 @@ function escape() {
 
 const NO_TEXT = ["checkbox", "radio", "range", "button"].map((type) => `[type=${type}]`).join();
 const isText = (e) => e?.matches?.(`textarea, select, [contenteditable], input:not(${NO_TEXT})`);
+// Esc, too, but in a dialog, which it closes.
+const isOfField = (e) => isText(e.target) && (e.key !== "Escape" || !state.overlay);
+
+/**
+ * What a key does: of several actions the first that can be done now.
+ * @returns {{ action: (event: KeyboardEvent) => void, when?: () => unknown } | undefined}
+ */
+function actionOf(key) {
+  const all = ACTIONS.filter((a) => a.keys.includes(key));
+  const tab = /^[1-9]$/.test(key) ? tabs[key - 1] : null;
+  return all.find((a) => !a.when || a.when()) ?? all[0] ?? (tab && { action: () => setView({ tab: idOf(tab) }) });
+}
 
 function pressed(event) {
   if (event.defaultPrevented || event.isComposing) return;
-  if (isText(event.target) && event.key !== "Escape") return;
+  if (isOfField(event)) return;
   const ctrl = event.ctrlKey || event.metaKey;
-  if (event.altKey || (ctrl && event.key.toLowerCase() !== "k")) return;
-  const key = ctrl ? "Ctrl+k" : event.key;
+  if (event.altKey) return;
+  const plain = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+  const key = ctrl ? `Ctrl+${event.shiftKey ? "Shift+" : ""}${plain}` : event.key;
   if (state.overlay && !["Escape", "?"].includes(key)) return;
-  const of = (name) => {
-    const all = ACTIONS.filter((a) => a.keys.includes(name));
-    return all.find((a) => !a.when || a.when()) ?? all[0];
-  };
-  let action = of(key) ?? (event.shiftKey ? null : of(key.toLowerCase()));
-  if (!action && /^[1-9]$/.test(key) && tabs[key - 1]) action = { action: () => setView({ tab: idOf(tabs[key - 1]) }) };
+  const action = actionOf(key) ?? (event.shiftKey || ctrl ? null : actionOf(key.toLowerCase()));
   if (!action) return;
   event.preventDefault(); // also what a focused button or the page would do with it
   event.stopPropagation();
@@ -108,6 +123,8 @@ function pressed(event) {
 // Listens in a window: this one, and that of the 3D pane.
 export function attachKeys(target) {
   target.addEventListener("keydown", pressed, true);
+  // Esc leaves a field and does no more; the field itself hears it first.
+  target.addEventListener("keydown", (e) => e.key === "Escape" && isText(e.target) && e.target.blur());
   // A button that has the focus all the same would be pressed when Space is let go.
   target.addEventListener("keyup", (e) => e.key === " " && !isText(e.target) && e.preventDefault(), true);
 }
@@ -120,13 +137,20 @@ export function Overlay() {
   return null;
 }
 
+// The keys of an action that no other takes at all times.
+const keysLeft = (a, all) => a.keys.filter((key) =>
+  all.slice(0, all.indexOf(a)).every((before) => before.when || !before.keys.includes(key)));
+
 function Help({ onClose }) {
-  const groups = [...new Set(ACTIONS.map((a) => a.group))];
   const names = tabs.slice(0, 9).map((t) => t.title).join(", ");
-  const all = [...ACTIONS, { keys: ["1"], shown: "1 – 9", title: `Tabs ${names}`, group: "Show" }];
+  /** @type {any[]} */
+  const every = [...ACTIONS, { keys: ["1"], shown: "1 – 9", title: `Tabs ${names}`, group: "Show" }];
+  const all = every.map((a) => ({ ...a, keys: keysLeft(a, every) }))
+    .filter((a) => a.keys.length && !a.silent && (!state.file || !a.when || a.when()));
+  const groups = [...new Set(all.map((a) => a.group))].sort((one, other) => Number(other === "Label") - Number(one === "Label"));
   return html`<${Dialog} title="Keys" onClose=${onClose} wide>
     <div class="keys">${groups.map((group) => html`<section><h3>${group}</h3><dl>
-      ${all.filter((a) => a.group === group && a.keys.length && !a.silent && (!state.file || !a.when || a.when())).map((a) => html`
+      ${all.filter((a) => a.group === group).map((a) => html`
         <div><dt>${(a.shown ? [a.shown] : a.keys.map(keyName)).map((k) => html`<kbd>${k}</kbd>`)}</dt>
           <dd>${a.title}</dd></div>`)}
     </dl></section>`)}</div>
@@ -154,8 +178,8 @@ const MOST = 60;
 function Palette({ onClose }) {
   const [text, setText] = useState("");
   const [at, setAt] = useState(0);
-  const input = useRef();
-  const list = useRef();
+  const input = useRef(null);
+  const list = useRef(null);
   useEffect(() => input.current.focus(), []);
   useEffect(() => list.current.querySelector(".current")?.scrollIntoView({ block: "nearest" }), [at]);
   const words = text.toLowerCase().split(/\s+/).filter(Boolean);

@@ -1,41 +1,31 @@
 // The maps pane: a column a map, A above B, all of the same region at the same zoom, with one cross everywhere.
-import { html, useEffect, useLayoutEffect, useRef, useState } from "./vendor/htm-preact.js";
+import { html } from "htm/preact";
+import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { state, setView, listen, useStore } from "./store.js";
-import { momentOf, labelOf, seek } from "./moment.js";
+import { momentOf, labelOf } from "./moment.js";
+import { seek } from "./cursor.js";
+import { mark } from "./marking.js";
 import { Pane, Button, Menu, MenuItem, Parts, Select, number } from "./ui.js";
-import { MAPS, CLASSES, gradient, ticks, valueText } from "./colours.js";
+import { anchorsOf, MAPS, gradient, ticks, valueText } from "./colours.js";
+import { palette } from "./palette.js";
 import { sidesOf, sideFor, readAt, mapCanvas, hasColour } from "./sides.js";
 import { drawCross } from "./drawing.js";
-import { fitCanvas, inImage, markPixel, setHover, useSize, zoomed } from "./image.js";
+import { remember } from "./layout.js";
+import { fitCanvas, inImage, setHover, useSize, zoomed } from "./image.js";
 
 const ORDER = ["observed", "gain", "rendered", "difference", "angle", "f_d", "f_n", "classes", "observed_rgb",
   "rendered_rgb", "correlation"];
 const BELOW = { observed: "gain" }; // two maps that A and B share, in one column
 const HEAD = 1.25; // rem: the name of a column
 const FOOT = 1.5; // its scale, and the numbers under the mouse
+const NARROW = 9.5; // a column that is no wider has those of A and B below each other
+const FOOT_OF_NARROW = 2.4;
 const GAP = 0.4; // between columns
 const RIM = 2; // px, between A and B
 
-// Which maps are hidden is remembered by the browser.
-
-const KEY = "verefine-maps";
-function remembered() {
-  try {
-    return JSON.parse(localStorage.getItem(KEY)) ?? [];
-  } catch {
-    return [];
-  }
-}
-const hiddenOf = (s) => s.view.hiddenMaps ?? (s.rememberedMaps ??= remembered());
 function toggleMap(name) {
-  const hidden = hiddenOf(state);
-  const hiddenMaps = hidden.includes(name) ? hidden.filter((n) => n !== name) : [...hidden, name];
-  try {
-    localStorage.setItem(KEY, JSON.stringify(hiddenMaps));
-  } catch {
-    // Without storage it holds until the page is left.
-  }
-  setView({ hiddenMaps });
+  const { hiddenMaps } = state;
+  remember({ hiddenMaps: hiddenMaps.includes(name) ? hiddenMaps.filter((n) => n !== name) : [...hiddenMaps, name] });
 }
 
 // Layout
@@ -63,19 +53,22 @@ function regionOf(sides) {
   return [u0, v0, u1 - u0, v1 - v0];
 }
 
-// How many columns stand in a line so that the region is as large as can be, and the size of a tile [px]. A tile takes
-// its column's whole width: what lies beside the region is shown as well. `beside`: its tiles stand beside each other.
-function layoutOf(size, n, rows, region, beside) {
-  const [across, down] = beside ? [rows, 1] : [1, rows];
+// How many columns stand in a line, and whether the tiles of a column stand beside each other, so that the region is as
+// large as can be; and the size of a tile [px]. A tile takes its column's whole width: what lies beside the region is
+// shown as well. `large`: one map alone, whose tiles stand beside each other.
+function layoutOf(size, n, rows, region, large) {
   let best = null;
-  for (let perLine = 1; perLine <= n; perLine++) {
+  const beside = (/** @type {number} */ perLine) => (large ? [true] : rows > 1 && perLine < n ? [false, true] : [false]);
+  const all = [...Array(n).keys()].flatMap((i) => beside(i + 1).map((b) => /** @type {const} */ ([i + 1, b])));
+  for (const [perLine, isBeside] of all) {
+    const [across, down] = isBeside ? [rows, 1] : [1, rows];
     const lines = Math.ceil(n / perLine);
     const width = (size.w - (perLine - 1) * GAP * size.rem) / perLine;
-    const height = (size.h - (lines - 1) * GAP * size.rem) / lines - (HEAD + FOOT) * size.rem;
+    const height = (size.h - (lines - 1) * GAP * size.rem) / lines - (HEAD + (width <= NARROW * size.rem ? FOOT_OF_NARROW : FOOT)) * size.rem;
     const w = Math.max((width - (across - 1) * RIM) / across, 24);
     const h = Math.max((height - (down - 1) * RIM) / down, 24);
     const scale = Math.min(w / region[2], h / region[3]);
-    if (!best || scale > best.scale * 1.01) best = { scale, perLine, w, h, rows, beside };
+    if (!best || scale > best.scale * 1.01) best = { scale, perLine, w, h, rows, large, beside: isBeside };
   }
   return best;
 }
@@ -92,13 +85,14 @@ function placeOf(zoom, region, { w, h }) {
 export function MapsPane() {
   const moment = useStore(momentOf);
   const tools = moment && html`<${Tools} moment=${moment} />`;
-  return html`<${Pane} name="maps" title="Score maps" tools=${tools}>${moment ? html`<${Maps} />` : ""}<//>`;
+  return html`<${Pane} name="maps" title="Score maps" tools=${tools}>${moment ? html`<${Maps} />`
+    : state.frame && html`<p class="empty">This frame has no object yet.</p>`}<//>`;
 }
 
 function Tools({ moment }) {
   const [sides, large, together] = useStore((s) =>
-    [sidesOf(momentOf(s)), s.view.largeMap, Boolean(s.view.together), s.view.hiddenMaps]);
-  const hidden = hiddenOf(state);
+    [sidesOf(momentOf(s)), s.view.largeMap, Boolean(s.view.together), s.hiddenMaps]);
+  const hidden = state.hiddenMaps;
   const item = (name) => html`<${MenuItem} key=${name} on=${!hidden.includes(name)} title=${MAPS[name].hint}
     onClick=${() => toggleMap(name)}>${hidden.includes(name) ? "" : "✓ "}${MAPS[name].label}<//>`;
   return html`
@@ -124,7 +118,7 @@ function Posed({ moment, letter, side }) {
     ["c", "colour", score?.colour_fit], ["p", "plausibility", score?.plausibility]];
   const shown = fits.filter(([letter, , x]) => letter === "d" || letter === "n" || x != null);
   const error = `ADD(-S); ${number(score?.deg, 1)}° and ${number(score?.mm, 1)} mm from ground truth`;
-  const parts = score && CLASSES.map((c) => [c.name, score.counts[c.name], c.color]);
+  const parts = score && palette.classes.map((c) => [c.name, score.counts[c.name], c.color]);
   return html`<div class="posed"><b class=${`letter ${letter}`}>${letter.toUpperCase()}</b>
     ${pose.T && pose.branch == null
       ? html`<${Select} title=${title} value=${pose.name} onChange=${choose} options=${options} />`
@@ -138,10 +132,10 @@ function Posed({ moment, letter, side }) {
 }
 
 function Maps() {
-  const [sides, large] = useStore((s) => [sidesOf(momentOf(s)), s.view.largeMap, s.view.hiddenMaps]);
+  const [sides, large] = useStore((s) => [sidesOf(momentOf(s)), s.view.largeMap, s.hiddenMaps]);
   const [root, size] = useSize();
   const [zoom, setZoom] = useState(null);
-  const hidden = hiddenOf(state);
+  const hidden = state.hiddenMaps;
   const columns = columnsOf(sides, namesOf(sides).filter((name) => (large ? name === large : !hidden.includes(name))));
   const region = regionOf(sides);
   const rows = Math.max(1, ...columns.map((tiles) => tiles.length));
@@ -169,17 +163,17 @@ function Gone({ why }) {
 
 function Column({ tiles, layout, ...shared }) {
   const [name] = tiles[0];
-  const { w, h, rows, beside } = layout;
+  const { w, h, rows, large, beside } = layout;
   // What A and B share takes the place of both.
   const isLone = tiles.length < rows && !beside;
   const size = { w, h: isLone ? h * rows + RIM * (rows - 1) : h };
   const enlarge = (event) => {
     event.currentTarget.blur();
-    setView({ largeMap: beside ? null : name });
+    setView({ largeMap: large ? null : name });
   };
   return html`<section class="map-column">
     <button type="button" class="map-name" onClick=${enlarge}
-      title=${`${MAPS[name].hint}; click: ${beside ? "all maps" : "large"}`}>${MAPS[name].label}</button>
+      title=${`${MAPS[name].hint}; click: ${large ? "all maps" : "large"}`}>${MAPS[name].label}</button>
     <div class=${`map-tiles ${beside ? "beside" : ""}`}>${tiles.map(([one, letter]) => html`
       <${Tile} key=${one + letter} name=${one} letter=${letter} size=${size} ...${shared} />`)}</div>
     <${Foot} name=${tiles.at(-1)[0]} tiles=${tiles} sides=${shared.sides} />
@@ -205,8 +199,8 @@ function paintTile(canvas, name, side, place, size) {
 }
 
 function Tile({ name, letter, sides, region, size, zoom, setZoom }) {
-  const canvas = useRef();
-  const paint = useRef();
+  const canvas = useRef(null);
+  const paint = useRef(null);
   const drag = useRef(null);
   const side = sideFor(name, sides, letter || "a");
   const place = placeOf(zoom, region, size);
@@ -246,7 +240,7 @@ function Tile({ name, letter, sides, region, size, zoom, setZoom }) {
   const onPointerUp = () => {
     const start = drag.current;
     drag.current = null;
-    if (start && !start.far && start.pixel) markPixel(start.pixel);
+    if (start && !start.far && start.pixel) mark(start.pixel);
   };
   const onWheel = (event) => {
     event.preventDefault();
@@ -276,20 +270,20 @@ function Foot({ name, tiles, sides }) {
   });
   const isRead = values.some(({ value }) => value != null);
   return html`<div class="map-foot">
-    <div class="ramp" style=${map.anchors ? { background: gradient(map.anchors) } : {}}>
-      ${map.classes && CLASSES.map(({ name: own, color, words }) => html`
+    <div class="ramp" style=${map.colours ? { background: gradient(anchorsOf(map)) } : {}}>
+      ${map.classes && palette.classes.map(({ name: own, color, words }) => html`
         <i style=${{ background: color }} title=${`${own}: ${words}`} />`)}
       ${map.marks && [25, 75].map((x) => html`<u style=${{ left: `${x}%` }} />`)}
     </div>
     ${isRead ? html`<div class="line values">
         ${values.map((v) => html`<${Value} ...${v} isAlone=${tiles.length === 1} />`)}
         ${tiles[0][0] === name && map.unit && html`<small>${map.unit}</small>`}</div>`
-      : html`<div class="line ticks"><${Ticks} map=${map} side=${like} /></div>`}
+      : html`<div class=${`line ticks ${map.classes ? "names" : ""}`}><${Ticks} map=${map} side=${like} /></div>`}
   </div>`;
 }
 
 function Value({ one, letter, value, isAlone }) {
-  const color = Array.isArray(value) ? `rgb(${value})` : CLASSES.find((c) => c.name === value)?.color;
+  const color = Array.isArray(value) ? `rgb(${value})` : palette.classes.find((c) => c.name === value)?.color;
   const prefix = one === "gain" ? "gain" : letter.toUpperCase();
   const text = Array.isArray(value) ? "" : valueText(MAPS[one], value);
   return html`<span class=${`of ${letter}`} title=${MAPS[one].hint}>${!isAlone && prefix && html`<b>${prefix}</b>`}
@@ -297,8 +291,8 @@ function Value({ one, letter, value, isAlone }) {
 }
 
 function Ticks({ map, side }) {
-  if (map.classes) return [CLASSES[0], CLASSES.at(-1)].map((c) => html`<span title=${c.words}>${c.name}</span>`);
-  if (!map.anchors || !side) return null;
+  if (map.classes) return [palette.classes[0], palette.classes.at(-1)].map((c) => html`<span title=${c.words}>${c.name}</span>`);
+  if (!map.colours || !side) return null;
   const [low, middle, high] = ticks(map, side);
   const unit = map.unit && html`<small>${map.unit}</small>`;
   return html`<span>${low}</span><span>${middle}</span><span>${high}${unit}</span>`;

@@ -1,40 +1,22 @@
-// What stands where at the cursor, worked out from the rows of the run; and the actions that move the cursor.
-import { state, setView, update, send } from "./store.js";
+// What stands where at the cursor, worked out from the rows of the run.
+import { state } from "./store.js";
+import { rampColor } from "./palette.js";
 
-// Colours that mean something are the same in pictures, maps, reports and here: core/palette.py.
-export const STAGE_COLORS = {
-  initial: "#8a8a8a", current: "#a0a0a0", simulated: "#ff8c00", mixed: "#f0d228", refined: "#326eff",
-    flipped: "#eb3cc8",
-  accepted: "#28c850", best: "#00aa78", "runner-up": "#ff69b4", edited: "#be5adc", "ground truth": "#ffffff",
-};
-export const STAGE_MEANINGS = {
-  initial: "where the hypothesis started",
-  current: "where this iteration started",
-  simulated: "after physics",
-  mixed: "rotation of simulated, translation of current: where the refiner starts",
-  refined: "after the refiner",
-  flipped: "turned to where the shape looks nearly the same",
-  accepted: "the pose that the next iteration of this hypothesis starts from",
-  best: "the best pose of the object so far; the answer of a finished run",
-  "runner-up": "the best pose of another hypothesis than the answer's",
-  edited: "the pose that is edited",
-  "ground truth": "the true pose",
-};
-export const TONES = {
-  problem: { words: "problem", color: "#dc322f", shape: "down" },
-  rejected: { words: "simulated accepted", color: "#ff8c00", shape: "square" },
-  flip: { words: "flip", color: "#eb3cc8", shape: "cross" },
-  edited: { words: "edited pose", color: "#be5adc", shape: "circle" },
-  switched: { words: "hypothesis switched", color: "#326eff", shape: "bar" },
-  best: { words: "new best", color: "#28a860", shape: "up" },
-};
-const NO_RUN = { rows: [], marks: [], notes: [], total: 0, over: false, start: null };
-const NEAR = 0.005; // a smaller difference of score is a tie
+const NO_RUN = { rows: [], marks: [], notes: [], missing: "", total: 0, over: false, start: null };
 
+/** @type {(s: State, branch?: number) => Run} */
 export const runOf = (s, branch = s.view.branch) => s.runs.get(branch) ?? NO_RUN;
 
-// Answers that depend on the same inputs are the same object: of each function the last few stay.
+/**
+ * Answers that depend on the same inputs are the same object: of each function the last few stay.
+ * @template {unknown[]} A
+ * @template V
+ * @param {(...args: A) => unknown[]} inputs
+ * @param {(...args: A) => V} work
+ * @returns {(...args: A) => V}
+ */
 function memoized(inputs, work, keep = 4) {
+  /** @type {{ key: unknown[], value: V }[]} */
   const recent = [];
   return (...args) => {
     const key = inputs(...args);
@@ -47,21 +29,32 @@ function memoized(inputs, work, keep = 4) {
   };
 }
 
+// Whether a frame is open to be labelled: before anything runs, its objects stand where their labels say.
+/** @type {(frame: State["frame"]) => boolean} */
+export const isLabelled = (frame) => frame?.source === "labels";
+
+/** @type {(a: Pose | null | undefined, b: Pose | null | undefined) => boolean} */
 export const samePose = (a, b) => a === b || (a != null && b != null && a.every((x, i) => x === b[i]));
 
 // By object, its rows in their order; appended rows make another run object, so identity is enough.
 const rowsByObject = memoized(
-  (run) => [run],
+  (/** @type {Run} */ run) => [run],
   (run) => {
+    /** @type {Map<number, IterationRow[]>} */
     const own = new Map();
     for (const row of run.rows) own.has(row.obj) ? own.get(row.obj).push(row) : own.set(row.obj, [row]);
     return own;
   },
   6,
 );
+/** @type {(run: Run, obj: number) => IterationRow[]} */
 export const rowsOf = (run, obj) => rowsByObject(run).get(obj) ?? [];
 
-// The latest of `rows` with row.k ≤ k, or undefined.
+/**
+ * The latest of `rows` with row.k ≤ k, or undefined.
+ * @param {IterationRow[]} rows
+ * @param {number} k
+ */
 export function latest(rows, k) {
   let low = 0;
   let high = rows.length;
@@ -73,14 +66,17 @@ export function latest(rows, k) {
   return rows[low - 1];
 }
 
+/** @type {(run: Run, object: FrameObject) => InitialPose[]} */
 export const startsOf = (run, object) => run.start?.[object.id] ?? object.arms;
 
 // Where a hypothesis comes from; "" where all come from the same.
+/** @type {(moment: Pick<Moment, "starts">, arm: number) => string} */
 export function sourceOf({ starts }, arm) {
-  const stem = (a) => (a.source ?? "").replace(/ #\d+$/, "");
+  const stem = (/** @type {InitialPose} */ a) => (a.source ?? "").replace(/ #\d+$/, "");
   return starts[arm] && new Set(starts.map(stem)).size > 1 ? stem(starts[arm]) : "";
 }
 
+/** @type {(run: Run, object: FrameObject) => KnownBest | null} */
 function bestStart(run, object) {
   let arm = -1;
   startsOf(run, object).forEach((a, j, all) => {
@@ -93,6 +89,7 @@ function bestStart(run, object) {
 
 // An object's best after iteration k; of a finished run its answer, which methods that keep the best scene take from
 // that.
+/** @type {(run: Run, object: FrameObject, k: number, outcome: JudgedObject | null) => KnownBest | null} */
 function bestAt(run, object, k, outcome) {
   if (outcome?.T) {
     const { T, score, err, deg, mm, arm, k: made, stage } = outcome;
@@ -102,49 +99,128 @@ function bestAt(run, object, k, outcome) {
   return row ? row.best : bestStart(run, object);
 }
 
-// Every object of the frame at iteration k: { object, phase, best, T, score, err, spent, verdict }.
-function sceneAt(s, run, k, at, shown, isAnswer, verdict) {
-  const row = isAnswer ? null : at;
-  const stands = new Map([...(row?.placed ?? []), ...(row?.tree?.rollout ?? [])].map((p) => [p.obj, p.T]));
-  const placed = new Set((row?.placed ?? []).map((p) => p.obj));
+/** @typedef {"waiting" | "working" | "placed" | "rolled out" | "done" | "paused" | "no pose"} Phase */
+
+/**
+ * What an object does in an iteration. waiting: its turn is still to come; working: the iteration is about it; placed: it
+ * stood in the scene; rolled out: a tree search completed the scene with it; paused: its turn comes again.
+ * @type {(object: FrameObject, row: IterationRow | null, own: IterationRow | undefined, best: KnownBest | null,
+ *   isLast: boolean) => Phase}
+ */
+function phaseOf({ id }, row, own, best, isLast) {
+  if (!best) return "no pose";
+  if (row?.obj === id) return "working";
+  if (row?.placed?.some((p) => p.obj === id)) return "placed";
+  if (row?.tree?.rollout?.some((p) => p.obj === id)) return "rolled out";
+  if (!own) return "waiting";
+  const takesTurns = (row.pass || row.tree) && own.cluster === row.cluster; // clusters are solved one after another
+  return takesTurns || !isLast ? "paused" : "done";
+}
+
+// Every object of the frame at iteration k; the one in focus stands at `shown`.
+/** @type {(s: State, run: Run, k: number, isAnswer: boolean, shown: Pose | undefined) => Moment["scene"]} */
+function sceneAt(s, run, k, isAnswer, shown) {
+  const row = isAnswer ? null : run.rows[k - 1];
+  const others = [...(row?.placed ?? []), ...(row?.tree?.rollout ?? [])];
+  const stands = new Map(others.map((p) => /** @type {const} */ ([p.obj, p.T])));
   return s.frame.objects.map((object) => {
-    const outcome = isAnswer ? verdict?.objects.find((o) => o.obj === object.id) : null;
-    const best = bestAt(run, object, k, outcome);
+    const verdict = isAnswer ? verdictOf(s, object.id) : null;
+    const best = bestAt(run, object, k, verdict);
     const own = latest(rowsOf(run, object.id), k);
-    let phase = "waiting";
-    if (!best) phase = "no pose";
-    else if (isAnswer) phase = "done";
-    else if (row?.obj === object.id) phase = "working";
-    else if (placed.has(object.id)) phase = "placed";
-    else if (stands.has(object.id)) phase = "rolled out";
-    else if (own && !(row.pass || row.tree) && rowsOf(run, object.id).at(-1).k <= k) phase = "done";
-    else if (own) phase = "paused";
+    const isLast = own != null && rowsOf(run, object.id).at(-1) === own;
+    const phase = isAnswer && best ? "done" : phaseOf(object, row, own, best, isLast);
     const T = row?.obj === object.id ? shown : stands.get(object.id) ?? best?.T ?? null;
-    return { object, phase, best, T, score: best?.score ?? null, err: best?.err ?? null, spent: own?.own ?? 0,
-      verdict: outcome ?? null };
+    return { object, phase, best, T, score: best?.score ?? null, err: best?.err ?? null, spent: own?.own ?? 0, verdict };
   });
 }
 
-// Which hypothesis was edited, and how far.
+/**
+ * Which hypothesis was edited, and how far.
+ * @param {import("./messages.d.ts").MovedPose} edit
+ * @param {FrameObject[]} objects
+ */
 export function editWords({ obj, arm, mm, deg }, objects) {
   const of = objects.length > 1 ? ` of ${objects.find((o) => o.id === obj)?.label ?? `object ${obj}`}` : "";
   const far = mm == null ? "" : `, ${mm.toFixed(1)} mm and ${deg.toFixed(1)}° from its initial pose`;
   return `Hypothesis ${arm + 1}${of} edited${far}`;
 }
 
+/** @type {(s: State, obj: number, branch?: number) => JudgedObject | null} */
 export const verdictOf = (s, obj, branch = s.view.branch) =>
   s.verdicts.get(branch)?.objects.find((o) => o.obj === obj) ?? null;
 
-// The object that a finished run names first: wrong before doubtful, the farthest from its limit first.
+/**
+ * The object that a finished run names first: wrong before doubtful, the farthest from its limit first.
+ * @param {import("./messages.d.ts").VerdictMessage | undefined} verdict
+ */
 export function worstOf(verdict) {
   const rank = { wrong: 0, none: 1, doubt: 2, unknown: 3, right: 4 };
-  const excess = (o) => (o.err != null && o.limit ? o.err / o.limit : 1 - (o.score ?? 0));
+  const excess = (/** @type {JudgedObject} */ o) => (o.err != null && o.limit ? o.err / o.limit : 1 - (o.score ?? 0));
   return [...(verdict?.objects ?? [])].sort((a, b) => rank[a.tone] - rank[b.tone] || excess(b) - excess(a))[0] ?? null;
 }
 
-// Everything about (branch, k, stage, obj) of the view, or null before a frame is open.
+/** @import { ArmState, BestPose, FrameObject, InitialPose, IterationRow, JudgedObject, Pose, ScoredStage } from "./messages.d.ts" */
+/** @import { Run, State, View } from "./store.js" */
+
+/**
+ * A pose with what is known of it. `stage` is what it is: a stage, initial, best, runner-up, edited or ground truth; of A
+ * and B so is `name`, and `label` says it. `poses` stand for `T` where several objects are compared at once.
+ * @typedef {Partial<Omit<ScoredStage, "name"> & Omit<BestPose, "stage">> & { stage?: string, name?: string,
+ *   label?: string, branch?: number, poses?: [number, Pose][] }} NamedPose
+ */
+
+/**
+ * What stands where at the cursor.
+ * @typedef {object} Moment
+ * @property {number} branch
+ * @property {Run} run
+ * @property {number} k  the iteration that is shown; 0 = before the first
+ * @property {number} total
+ * @property {boolean} over
+ * @property {IterationRow | null} at  iteration k
+ * @property {IterationRow | null} row  the latest that worked on the object
+ * @property {boolean} isCurrent  whether that is iteration k
+ * @property {boolean} isAnswer  whether the answers of the finished run are shown
+ * @property {boolean} isPartial  whether the iteration is shown up to a stage before its last
+ * @property {number} obj
+ * @property {FrameObject} object
+ * @property {InitialPose[]} starts
+ * @property {number} arm  the hypothesis in focus
+ * @property {ArmState[]} arms
+ * @property {KnownBest | null} best
+ * @property {Record<string, NamedPose>} poses  by what they are
+ * @property {string[]} stages
+ * @property {string | null} stage
+ * @property {JudgedObject | null} verdict
+ * @property {{ object: FrameObject, phase: Phase, best: KnownBest | null, T: Pose | null, score: number | null,
+ *   err: number | null, spent: number, verdict: JudgedObject | null }[]} scene
+ * @property {Own | null} beside  of the run beside it
+ * @property {NamedPose | null} a  what is compared
+ * @property {NamedPose | null} b
+ * @property {boolean} same  whether both are one pose
+ */
+
+/**
+ * The best pose of an object so far; of an initial pose, its stage is "initial".
+ * @typedef {Partial<BestPose> & Pick<BestPose, "T" | "score" | "err" | "arm" | "k" | "stage">} KnownBest
+ */
+/** @typedef {Pick<Moment, "a" | "b" | "same">} Pair */
+/** @typedef {Omit<Moment, keyof Pair | "beside">} Own  what a run shows alone */
+/**
+ * @typedef {Pick<Moment, "row" | "stages" | "isCurrent" | "isPartial" | "stage"> & { cut: number,
+ *   results: IterationRow | null }} Iteration  cut: how many of its stages are shown
+ */
+/**
+ * @typedef {Omit<Iteration, "results"> & Pick<Moment, "k" | "isAnswer" | "object" | "starts" | "arms" | "best"
+ *   | "verdict">} Known
+ */
+
+/**
+ * Everything about (branch, k, stage, obj) of the view, or null before a frame is open.
+ * @type {(s: State) => Moment | null}
+ */
 export const momentOf = memoized(
-  (s) => [s.frame, s.branches, s.runs.get(s.view.branch), s.verdicts.get(s.view.branch), s.view, s.compare,
+  (/** @type {State} */ s) => [s.frame, s.branches, s.runs.get(s.view.branch), s.verdicts.get(s.view.branch), s.view, s.compare,
     s.compare && s.runs.get(other(s))],
   (s) => {
     const moment = momentAt(s, s.view);
@@ -155,8 +231,10 @@ export const momentOf = memoized(
   },
 );
 
+/** @param {State} s */
 const other = (s) => (s.view.branch === s.compare.b ? s.compare.a : s.compare.b);
 
+/** @type {(s: State, moment: Own) => Own | null} */
 function momentBeside(s, moment) {
   const run = s.runs.get(other(s));
   if (!run) return null;
@@ -164,269 +242,203 @@ function momentBeside(s, moment) {
   return momentAt(s, { ...s.view, branch: other(s), k, stage: null, edited: null, moment: null, obj: moment.obj });
 }
 
+// The object looked at: the one chosen, of an answer the worst, else that of the iteration.
+/** @type {(s: State, view: View, run: Run, k: number, isAnswer: boolean) => FrameObject | null} */
+function focusOf(s, view, run, k, isAnswer) {
+  const verdict = s.verdicts.get(view.branch);
+  const worst = isAnswer ? verdict?.scene?.worst ?? worstOf(verdict)?.obj : null;
+  const obj = view.obj ?? worst ?? run.rows[k - 1]?.obj;
+  return s.frame.objects.find((o) => o.id === obj) ?? s.frame.objects.find((o) => startsOf(run, o).length)
+    ?? s.frame.objects[0] ?? null;
+}
+
+// The latest iteration that worked on the object, as far as it is shown. `results`: the one whose results are known by
+// now, which is the one before while a stage before its last is shown.
+/** @type {(run: Run, obj: number, k: number, stage: string | null) => Iteration} */
+function iterationOf(run, obj, k, stage) {
+  const own = rowsOf(run, obj);
+  const row = latest(own, k) ?? null;
+  /** @type {string[]} */
+  const stages = row ? row.stages.map((one) => one.name) : [];
+  const isCurrent = row != null && row.k === k;
+  const cut = isCurrent && stages.includes(stage) ? stages.indexOf(stage) + 1 : stages.length;
+  const isPartial = cut < stages.length;
+  return { row, stages, isCurrent, cut, isPartial, stage: isPartial ? stage : null,
+    results: isPartial ? latest(own, row.k - 1) : row };
+}
+
+/** @type {(results: IterationRow | null, starts: InitialPose[]) => ArmState[]} */
+const armsAt = (results, starts) => (results ? results.arms
+  : starts.map((a) => ({ plays: a.plays ?? 0, mean: a.mean ?? a.score, score: a.score, err: a.err, T: a.T })));
+
+// The hypothesis in focus: the one chosen, else that of the answer or of the iteration.
+/** @type {(view: View, known: Known) => number} */
+function armAt(view, { isAnswer, best, row, arms }) {
+  const own = isAnswer ? best?.arm : row?.arm ?? best?.arm;
+  return Math.min(view.arm ?? own ?? 0, Math.max(arms.length - 1, 0));
+}
+
+// What the iteration made of its hypothesis; before the first where the hypotheses are.
+/** @type {(m: Known & { arm: number }) => Record<string, NamedPose>} */
+function stagesAt({ isAnswer, isPartial, row, cut, arms, arm }) {
+  if (isAnswer) return {};
+  if (!row) return arms[arm] ? { current: { ...arms[arm], arm } } : {};
+  const poses = Object.fromEntries(row.stages.slice(0, cut).map((one) => [one.name, { ...one, arm: row.arm }]));
+  if (isPartial) return poses;
+  return { ...poses, accepted: { ...row.stages.find((one) => one.name === row.accepted), arm: row.arm } };
+}
+
+// The pose that is edited, or that the branch goes on from where it was edited after this iteration.
+/** @type {(s: State, view: View, m: Known) => NamedPose | null} */
+function editedAt(s, view, { isAnswer, isPartial, object, arms, k }) {
+  if (view.edited) return view.edited.obj === object.id ? { T: view.edited.T, arm: view.edited.arm } : null;
+  if (isAnswer || isPartial) return null;
+  const edits = s.branches.find((b) => b.index === view.branch)?.edits ?? [];
+  const moved = edits.find((e) => e.k === k && e.obj === object.id);
+  const one = moved && arms[moved.arm];
+  return moved ? { ...(samePose(one?.T, moved.T) ? one : {}), T: moved.T, arm: moved.arm } : null;
+}
+
+/** @type {(m: Known) => NamedPose | null} */
+function runnerUpOf({ isAnswer, verdict }) {
+  if (!isAnswer || !verdict?.runner_up) return null;
+  const { T, arm, lead } = verdict.runner_up;
+  return { T, arm, score: verdict.score - lead, err: null };
+}
+
+// The poses of the object by what they are, each with its name as `stage`.
+/** @type {(s: State, view: View, m: Known & { arm: number }) => Record<string, NamedPose>} */
+function posesAt(s, view, m) {
+  const { object, starts, arm, best } = m;
+  /** @type {Record<string, NamedPose | null>} */
+  const poses = {
+    initial: starts[arm] ? { ...starts[arm], arm } : null,
+    ...stagesAt(m),
+    best: best ? { ...best } : null,
+    "runner-up": runnerUpOf(m),
+    edited: editedAt(s, view, m),
+    "ground truth": object.gt ? { T: object.gt, err: 0, score: object.gt_score ?? null } : null,
+  };
+  const isLabel = isLabelled(s.frame) && !m.row; // initial, current and best are one
+  return Object.fromEntries(Object.entries(poses).filter(([name, pose]) => pose && !(isLabel && ["initial", "best"].includes(name)))
+    .map(([name, pose]) => [name, { ...pose, stage: name }]));
+}
+
+// Where the object in focus stands among the others.
+/** @type {(m: Known, poses: Record<string, NamedPose>) => Pose | undefined} */
+function standsAt({ isPartial, row, cut, best }, poses) {
+  if (isPartial) return row.stages[cut - 1].T;
+  return row ? (poses.edited ?? poses.accepted ?? poses.best).T : best?.T;
+}
+
+/** @type {(s: State, view: View) => Own | null} */
 function momentAt(s, view) {
   if (!s.frame) return null;
   const run = runOf(s, view.branch);
   const k = Math.min(view.k, run.rows.length);
-  const at = run.rows[k - 1];
-  const isAnswer = run.over && k > 0 && k === run.rows.length && view.stage == null && view.moment == null
-    && !view.edited;
-  const verdict = s.verdicts.get(view.branch);
-  const first = s.frame.objects.find((o) => startsOf(run, o).length) ?? s.frame.objects[0];
-  const obj = view.obj ?? (isAnswer ? verdict?.scene?.worst ?? worstOf(verdict)?.obj : null) ?? at?.obj ?? first?.id
-    ?? null;
-  const object = s.frame.objects.find((o) => o.id === obj) ?? first;
+  const isPlain = view.stage == null && view.moment == null && !view.edited;
+  const isAnswer = run.over && k > 0 && k === run.rows.length && isPlain;
+  const object = focusOf(s, view, run, k, isAnswer);
   if (!object) return null;
-  const own = rowsOf(run, object.id);
-  const row = latest(own, k) ?? null; // the latest iteration that worked on the object
-  const isCurrent = row != null && row.k === k;
-  const names = row ? row.stages.map((stage) => stage.name) : [];
-  const cut = isCurrent && names.includes(view.stage) ? names.indexOf(view.stage) + 1 : names.length;
-  const isPartial = cut < names.length;
-  const before = isPartial ? latest(own, row.k - 1) : row; // whose results are known by now
+  const { results, ...iteration } = iterationOf(run, object.id, k, view.stage);
+  const verdict = verdictOf(s, object.id, view.branch);
   const starts = startsOf(run, object);
-  const outcome = verdict?.objects.find((o) => o.obj === object.id) ?? null;
-  const best = bestAt(run, object, before?.k ?? 0, isAnswer ? outcome : null);
-  const arms = before
-    ? before.arms
-    : starts.map((a) => ({ plays: a.plays ?? 0, mean: a.mean ?? a.score, score: a.score, err: a.err, T: a.T }));
-  // The pose that the branch goes on from, where it was edited after this iteration.
-  const moved = isAnswer || isPartial || view.edited ? null
-    : s.branches.find((b) => b.index === view.branch)?.edits.find((e) => e.k === k && e.obj === object.id);
-  const arm = Math.min(view.arm ?? (isAnswer ? best?.arm : row?.arm ?? best?.arm) ?? 0, Math.max(arms.length - 1, 0));
-
-  const poses = {};
-  if (starts[arm]) poses.initial = { ...starts[arm], arm };
-  if (!isAnswer && row) {
-    for (const stage of row.stages.slice(0, cut)) poses[stage.name] = { ...stage, arm: row.arm };
-    if (!isPartial) poses.accepted = { ...row.stages.find((stage) => stage.name === row.accepted), arm: row.arm };
-  } else if (!isAnswer && arms[arm]) poses.current = { ...arms[arm], arm };
-  if (best) poses.best = { ...best };
-  if (isAnswer && outcome?.runner_up) {
-    const { T, arm: j, lead } = outcome.runner_up;
-    poses["runner-up"] = { T, arm: j, score: outcome.score - lead, err: outcome.runner_up.err ?? null };
-  }
-  if (view.edited && view.edited.obj === object.id) poses.edited = { T: view.edited.T, arm: view.edited.arm };
-  else if (moved) {
-    const one = arms[moved.arm];
-    poses.edited = { ...(samePose(one?.T, moved.T) ? one : {}), T: moved.T, arm: moved.arm };
-  }
-  if (object.gt) poses["ground truth"] = { T: object.gt, err: 0, score: object.gt_score ?? null };
-  for (const [name, pose] of Object.entries(poses)) pose.stage = name;
-
-  const stands = isPartial ? row.stages[cut - 1].T : row ? (poses.edited ?? poses.accepted ?? poses.best).T : best?.T;
+  const best = bestAt(run, object, results?.k ?? 0, isAnswer ? verdict : null);
+  const known = { ...iteration, k, isAnswer, object, starts, arms: armsAt(results, starts), best, verdict };
+  const m = { ...known, arm: armAt(view, known) };
+  const poses = posesAt(s, view, m);
   return {
-    branch: view.branch, run, k, total: run.total, over: run.over, at: at ?? null, row, isCurrent, isAnswer, isPartial,
-    obj: object.id, object, starts, arm, arms, best, poses, stages: names,
-    stage: isPartial ? view.stage : null, verdict: outcome,
-    scene: sceneAt(s, run, k, at, stands, isAnswer, verdict),
+    ...m, poses, branch: view.branch, run, total: run.total, over: run.over, at: run.rows[k - 1] ?? null, obj: object.id,
+    scene: sceneAt(s, run, k, isAnswer, standsAt(m, poses)),
   };
 }
 
+// A and B where two runs stand side by side: their answers, or what their iterations accepted.
+/** @type {(s: State, moment: Own, beside: Own) => Pair | null} */
+function pairOfRuns(s, moment, beside) {
+  /** @type {(m: Own, letter: string) => NamedPose | undefined} */
+  const side = (m, letter) => {
+    const name = m.isAnswer || !m.poses.accepted ? "best" : "accepted";
+    const title = s.branches.find((b) => b.index === m.branch)?.name ?? "";
+    const label = title.startsWith(`${letter}: `) ? title : `${letter}: ${title}`;
+    return m.poses[name] && { name, ...m.poses[name], label, branch: m.branch, k: m.k };
+  };
+  const isFirst = s.view.branch === s.compare.a;
+  const [a, b] = isFirst ? [side(moment, "A"), side(beside, "B")] : [side(beside, "A"), side(moment, "B")];
+  return a && b ? { a, b, same: samePose(a.T, b.T) } : null;
+}
+
+// Names of A and B, what shows most first. The answer, and before it the best so far, is always A, what it is compared
+// with always B; of the stages of an iteration the earlier one is A.
+/** @type {(moment: Own) => string[][]} */
+function pairsWorthShowing({ poses, isAnswer, verdict, row }) {
+  const edited = poses.edited ? [["accepted", "edited"], ["current", "edited"], ["best", "edited"]] : [];
+  const isWrong = verdict?.tone === "wrong";
+  const answer = isAnswer ? [
+    ...(isWrong ? [["best", "ground truth"]] : []),
+    ...(poses["ground truth"] ? [] : [["best", "runner-up"]]),
+    ["best", "initial"], ["best", "runner-up"], ["best", "ground truth"],
+  ] : [];
+  const flipped = row?.accepted === "flipped" ? [["refined", "flipped"]] : [];
+  return [
+    ...edited, ...answer, ...flipped, ["simulated", "refined"], ["current", "refined"], ["current", "simulated"],
+    ["current", "accepted"], ["best", "ground truth"], ["best", "initial"], ["current", "ground truth"],
+  ];
+}
+
 // A and B: what the user chose, else the pair that shows most; the same pose twice only where there is no other.
+/** @type {(s: State, moment: Own, beside: Own | null) => Pair} */
 function pairOf(s, moment, beside) {
-  const { poses, isAnswer, verdict } = moment;
-  const named = (name) => name && poses[name] && { name, label: labelOf(name, moment), ...poses[name] };
-  if (beside && !s.view.edited) {
-    const side = (m, letter) => {
-      const name = m.isAnswer || !m.poses.accepted ? "best" : "accepted";
-      const title = s.branches.find((b) => b.index === m.branch)?.name ?? "";
-      const label = title.startsWith(`${letter}: `) ? title : `${letter}: ${title}`;
-      return m.poses[name] && { name, ...m.poses[name], label, branch: m.branch, k: m.k };
-    };
-    const first = s.view.branch === s.compare.a;
-    const [a, b] = first ? [side(moment, "A"), side(beside, "B")] : [side(beside, "A"), side(moment, "B")];
-    if (a && b) return { a, b, same: samePose(a.T, b.T) };
-  }
-  const wrong = verdict ? verdict.tone === "wrong" : false;
-  const pairs = [
-    [s.view.a, s.view.b],
-    poses.edited && ["accepted", "edited"],
-    poses.edited && ["current", "edited"],
-    poses.edited && ["best", "edited"],
-    isAnswer && wrong && ["best", "ground truth"],
-    isAnswer && !poses["ground truth"] && ["runner-up", "best"],
-    isAnswer && ["initial", "best"],
-    isAnswer && ["runner-up", "best"],
-    isAnswer && ["best", "ground truth"],
-    moment.row?.accepted === "flipped" && ["refined", "flipped"],
-    ["simulated", "refined"],
-    ["current", "refined"],
-    ["current", "simulated"],
-    ["current", "accepted"],
-    ["initial", "accepted"],
-    ["initial", "best"],
-    ["best", "ground truth"],
-    ["current", "ground truth"],
-    ["initial", "ground truth"],
-  ].filter((pair) => pair && pair[0] && pair[1] && poses[pair[0]] && poses[pair[1]]);
-  const unlike = pairs.find(([a, b], i) => (i === 0 && a === s.view.a && b === s.view.b)
-    || !samePose(poses[a].T, poses[b].T));
-  const [a, b] = unlike ?? pairs[0] ?? [Object.keys(poses)[0], undefined];
-  return { a: named(a) || null, b: named(b) || null, same: Boolean(a && b && samePose(poses[a]?.T, poses[b]?.T)) };
+  const { poses } = moment;
+  const runs = beside && !s.view.edited ? pairOfRuns(s, moment, beside) : null;
+  if (runs) return runs;
+  const isThere = (/** @type {string[]} */ [a, b]) => poses[a] && poses[b];
+  const isSame = (/** @type {string[]} */ [a, b]) => samePose(poses[a]?.T, poses[b]?.T);
+  const chosen = [s.view.a, s.view.b];
+  const pairs = pairsWorthShowing(moment).filter(isThere);
+  const [a, b] = isThere(chosen) ? chosen
+    : pairs.find((pair) => !isSame(pair)) ?? pairs[0] ?? [Object.keys(poses)[0], undefined];
+  /** @param {string} name */
+  const named = (name) => (poses[name] ? { name, label: labelOf(name, moment), ...poses[name] } : null);
+  return { a: named(a), b: named(b), same: Boolean(poses[a] && poses[b] && isSame([a, b])) };
 }
 
 // Only methods that verify keep the best pose; others, and recorded steps, go on from their last one.
+/** @param {number} branch */
 export function bestWords(branch) {
   const name = state.branches.find((b) => b.index === branch)?.settings["method.name"] ?? state.frame.method;
   return state.frame.choices.methods.find((m) => m.name === name)?.verifies ? "best so far" : "pose so far";
 }
-export const labelOf = (name, moment) => (name === "best" ? (moment.isAnswer ? "answer" : bestWords(moment.branch)) : name);
-
-// Hypotheses are coloured by rank: from pale slate to strong violet, hues that no stage, tone or answer has.
-const RAMP = { light: [[214, 20, 76], [262, 76, 44]], dark: [[216, 18, 36], [262, 95, 78]] };
-export function rampColor(share, theme = document.documentElement.dataset.theme) {
-  const [low, high] = RAMP[theme === "light" ? "light" : "dark"];
-  const t = Math.max(0, Math.min(1, share));
-  const [h, s, l] = low.map((x, i) => x + (high[i] - x) * t);
-  return `hsl(${h.toFixed(0)} ${s.toFixed(0)}% ${l.toFixed(0)}%)`;
-}
+/** @type {(name: string, moment: Pick<Moment, "isAnswer" | "branch" | "row">) => string} */
+export const labelOf = (name, moment) => (name === "best" ? (moment.isAnswer ? "answer" : bestWords(moment.branch))
+  : name === "current" && !moment.row && isLabelled(state.frame) ? "label" : name);
 
 // By hypothesis of an object at the moment, its place from the best, 0 = best; by score, or by error.
 export const ranksOf = memoized(
-  (moment, by) => [moment?.arms, by],
+  (/** @type {Moment} */ moment, /** @type {string} */ by = "score") => [moment?.arms, by],
   (moment, by = "score") => {
-    const value = (a) => (by === "error" ? -(a.err ?? Infinity) : a.score ?? -1);
-    const order = moment.arms.map((a, j) => j).sort((i, j) => value(moment.arms[j]) - value(moment.arms[i]) || i - j);
+    const value = (/** @type {ArmState} */ a) => (by === "error" ? -(a.err ?? Infinity) : a.score ?? -1);
+    const order = [...moment.arms.keys()].sort((i, j) => value(moment.arms[j]) - value(moment.arms[i]) || i - j);
+    /** @type {number[]} */
     const ranks = [];
     order.forEach((j, rank) => (ranks[j] = rank));
     return ranks;
   },
 );
-export function armColor(moment, arm, by = "score") {
-  const n = moment.arms.length;
-  return rampColor(n > 1 ? 1 - (ranksOf(moment, by)[arm] ?? n - 1) / (n - 1) : 1);
-}
-
-// Actions. Within known rows they only change the view; at the end they ask for more, and the cursor follows.
-
-const ofIteration = { stage: null, moment: null, arm: null, edited: null };
-let stageNext = false; // the next row that comes is shown stage by stage
-let target = null; // the iteration that a link names, while its rows are yet to come
-let pinned = false; // a link's iteration is shown: rows that come do not move the view
-let timer = null;
-
-const isKnown = () => state.runs.has(state.view.branch);
-const known = () => runOf(state).rows.length;
-const atEnd = () => state.view.k >= known();
-const computes = () => state.running.branch != null;
-
-export function seek(k) {
-  stopReplay();
-  const to = Math.max(0, Math.round(k));
-  if (to > known()) {
-    setView({ k: known(), ...ofIteration });
-    if (!runOf(state).over) send({ verb: "seek", branch: state.view.branch, k: to });
-  } else if (to !== state.view.k || state.view.stage || state.view.moment != null) setView({ k: to, ...ofIteration });
-}
-
-export function step() {
-  if (!isKnown()) return undefined;
-  stopReplay();
-  if (state.view.stage) return setView({ stage: null, moment: null });
-  if (!atEnd()) return setView({ k: state.view.k + 1, ...ofIteration });
-  if (!runOf(state).over && !computes()) send({ verb: "step", branch: state.view.branch });
-  return undefined;
-}
-
-export function stepStage() {
-  if (!isKnown()) return undefined;
-  stopReplay();
-  const { k, stage } = state.view;
-  const names = (runOf(state).rows[k - 1]?.stages ?? []).map((one) => one.name);
-  const next = names[names.indexOf(stage) + 1];
-  if (stage && next) return setView({ stage: next, moment: null });
-  if (!atEnd()) {
-    const row = runOf(state).rows[k];
-    return setView({ k: k + 1, ...ofIteration, stage: row.stages[0].name });
-  }
-  if (runOf(state).over) return setView({ stage: null });
-  stageNext = true;
-  if (!computes()) send({ verb: "step", branch: state.view.branch });
-  return undefined;
-}
-
-export function back() {
-  stopReplay();
-  const { k, stage } = state.view;
-  const names = (runOf(state).rows[k - 1]?.stages ?? []).map((one) => one.name);
-  const at = names.indexOf(stage);
-  if (at > 0) return setView({ stage: names[at - 1], moment: null });
-  if (k > 0) setView({ k: k - 1, ...ofIteration });
-}
-
-export function run(until = "end") {
-  if (!isKnown()) return undefined;
-  stopReplay();
-  const r = runOf(state);
-  if (r.over) return replay();
-  setView({ k: known(), ...ofIteration });
-  send({ verb: "run", branch: state.view.branch, until });
-  return undefined;
-}
-
-export function pause() {
-  stopReplay();
-  if (computes()) send({ verb: "pause" });
-}
-
-export const isBusy = () => computes() || state.replaying != null;
-export const toggleRun = () => (isBusy() ? pause() : run());
-
-// Marks to stop at: every mark but a plain new best, of the object in focus where one was chosen.
-export function eventsOf(s) {
-  const { obj } = s.view;
-  return runOf(s).marks.filter((m) => m.tone !== "best" && (obj == null || m.obj === obj)).map((m) => m.k);
-}
-
-export function toNextEvent(direction = 1) {
-  const ks = eventsOf(state);
-  const { k } = state.view;
-  const to = direction > 0 ? ks.find((x) => x > k) : ks.findLast((x) => x < k);
-  if (to != null) return seek(to);
-  if (direction > 0 && !runOf(state).over) return run("event");
-  seek(direction > 0 ? known() : 0);
-}
-
-// Shows iteration k, now or when its rows are there.
-export function goTo(k) {
-  stopReplay();
-  target = k > known() ? k : null;
-  pinned = target == null;
-  setView({ k: Math.min(k, known()) });
-}
-
-// Plays the known rows; `state.speed` iterations a second.
-export function replay() {
-  stopReplay();
-  if (!known()) return;
-  if (atEnd()) setView({ k: 0, ...ofIteration });
-  const tick = () => {
-    if (atEnd()) return stopReplay();
-    setView({ k: state.view.k + 1, ...ofIteration });
-    timer = setTimeout(tick, 1000 / state.speed);
-  };
-  timer = setTimeout(tick, 1000 / state.speed);
-  update({ replaying: true });
-}
-
-export function stopReplay() {
-  clearTimeout(timer);
-  target = null;
-  pinned = false;
-  if (state.replaying) update({ replaying: null });
-}
-
-// Rows came: a view at the end stays at the end, unless a pose is edited.
-export function followed(wasAtEnd, branch) {
-  if (branch !== state.view.branch) return;
-  const k = Math.min(known(), target ?? Infinity);
-  if (target != null) {
-    pinned = k === target;
-    if (pinned) target = null;
-  } else if ((pinned || !wasAtEnd) && state.view.k <= known()) return;
-  const stage = stageNext && k > 0 ? runOf(state).rows[k - 1].stages[0].name : null;
-  stageNext = stageNext && k === 0;
-  if (state.view.edited) return; // what is edited is not taken away
-  setView({ k, moment: null, arm: null, stage, edited: null });
-}
+// By hypothesis of an object, its place by score in what is known of the run, 0 = the lowest, 1 = the highest. It is the
+// same at every iteration, so that a hypothesis has one colour wherever it is drawn.
+export const rankShares = memoized(
+  (/** @type {Run} */ run, /** @type {FrameObject} */ object) => [run, object],
+  (run, object) => {
+    /** @type {{ score?: number | null }[]} */
+    const arms = rowsOf(run, object.id).at(-1)?.arms ?? startsOf(run, object);
+    const order = [...arms.keys()].sort((i, j) => (arms[j].score ?? -1) - (arms[i].score ?? -1) || i - j);
+    /** @type {number[]} */
+    const shares = [];
+    order.forEach((j, rank) => (shares[j] = order.length > 1 ? 1 - rank / (order.length - 1) : 1));
+    return shares;
+  },
+  32,
+);
+/** @type {(moment: Pick<Moment, "run" | "object">, arm: number, theme?: string) => string} */
+export const armColor = ({ run, object }, arm, theme) => rampColor(rankShares(run, object)[arm] ?? 0, theme);

@@ -1,7 +1,8 @@
 // The list of objects at the cursor: colour, name, score, error and state; a click puts one in focus.
-import { html } from "./vendor/htm-preact.js";
+import { html } from "htm/preact";
 import { useStore, setView } from "./store.js";
 import { bestWords, momentOf } from "./moment.js";
+import { limits, limitWords } from "./palette.js";
 import { Icon, number, Swatch, Toggle } from "./ui.js";
 
 const PHASES = {
@@ -22,10 +23,10 @@ export function Objects() {
     <div class="scroll"><table class="table"><thead><tr>
       <th class="left">${several ? `${moment.scene.length} objects` : "Object"}</th><th
         title=${`of its ${pose}, 0 to 1`}>score</th>
-      ${hasErrors && html`<th title=${`ADD(-S) of its ${pose}; allowed is 10 % of the diameter`}>mm</th>`}<th
+      ${hasErrors && html`<th title=${`ADD(-S) of its ${pose}; allowed is ${limitWords()}`}>mm</th>`}<th
         class="left">state</th></tr></thead>
     <tbody>${moment.scene.map(({ object, phase, score, err, verdict }) => {
-      const right = err == null ? null : err < object.diameter_mm / 10;
+      const right = err == null ? null : err < limits.correct * object.diameter_mm;
       return html`<tr key=${object.id}
         class=${`clickable ${object.id === moment.obj ? "current" : ""} ${object.left_out ? "faint" : ""}`}
         onClick=${() => choose(object.id)} title=${object.left_out || PHASES[phase]}>
@@ -45,5 +46,6 @@ export function Objects() {
 
 const TONES = { right: ["check", "right"], wrong: ["cross", "wrong"], doubt: ["warn", "doubtful"],
   unknown: ["question", "unknown"], none: ["cross", "no pose"] };
+/** @param {{ tone: import("./messages.d.ts").JudgedObject["tone"] }} props */
 const Verdict = ({ tone }) => html`<span class=${`tone-${tone}`}><${Icon}
   name=${TONES[tone][0]} />${TONES[tone][1]}</span>`;

@@ -2,14 +2,20 @@
 // the iterations beside the one shown, when nothing else is to be done: moving through the run draws them at once.
 import { state, want, arraysOf } from "./store.js";
 import { momentOf, runOf, rowsOf } from "./moment.js";
-import { wantOfMaps } from "./sides.js";
+import { mapsOf } from "./wants.js";
+
+/** @import { Pose } from "./messages.d.ts" */
+/** @import { Moment, NamedPose } from "./moment.js" */
 
 const MOST_OUTLINES = 6000;
 const CHUNK = 60; // poses in one want
 const IDLE_MS = 120;
 
+/** @type {Map<string, Path2D>} */
 const outlines = new Map(); // key → Path2D in pixels of the image, where pixel u covers u … u + 1
+/** @type {(Asked & { frame: number })[]} */
 const under = []; // wants that are on their way: { frame, obj, poses, slot }
+/** @type {(obj: number, T: Pose) => string} */
 const keyOf = (obj, T) => `${state.frame.id} ${obj} ${T.join()}`;
 
 export function outlineOf(obj, T, missing) {
@@ -20,6 +26,7 @@ export function outlineOf(obj, T, missing) {
   return null;
 }
 
+/** @param {number[][]} polygons */
 export function pathOf(polygons) {
   const path = new Path2D();
   for (const polygon of polygons) {
@@ -38,6 +45,8 @@ export function askOutlines(missing, slot = "outlines") {
   }
 }
 
+/** @typedef {{ obj: number, poses: Pose[], slot: string }} Asked */
+/** @param {Asked} one */
 function ask(one) {
   const at = under.findIndex((other) => other.slot === one.slot);
   if (at >= 0) under.splice(at, 1);
@@ -49,10 +58,10 @@ function ask(one) {
 export function collect() {
   for (const one of [...under]) {
     const isOver = one.frame !== state.frame.id;
-    const answer = isOver ? {} : want({ what: "outlines", obj: one.obj, poses: one.poses }, one.slot);
-    if (!answer) continue;
+    const answer = isOver ? null : want({ what: "outlines", obj: one.obj, poses: one.poses }, one.slot);
+    if (!answer && !isOver) continue;
     under.splice(under.indexOf(one), 1);
-    (answer.outlines ?? []).forEach((polygons, i) => outlines.set(keyOf(one.obj, one.poses[i]), pathOf(polygons)));
+    (answer && "outlines" in answer ? answer.outlines : []).forEach((polygons, i) => outlines.set(keyOf(one.obj, one.poses[i]), pathOf(polygons)));
     while (outlines.size > MOST_OUTLINES) outlines.delete(outlines.keys().next().value);
   }
 }
@@ -80,14 +89,15 @@ function ahead() {
   else if (state.running.branch == null) neighbours(moment);
 }
 
+/** @param {Moment} moment */
 function neighbours(moment) {
   for (const by of [1, -1]) {
     const k = moment.k + by;
     if (k < 0 || k > moment.run.rows.length) continue;
     const near = momentOf({ ...state, view: { ...state.view, k, stage: null } });
     if (near?.obj !== moment.obj) continue;
-    for (const [letter, pose] of [["a", near.a], ["b", near.b]]) {
-      if (pose?.T) arraysOf(want(wantOfMaps(near, pose), `ahead ${letter} ${by}`));
-    }
+    const ahead = (/** @type {string} */ letter, /** @type {NamedPose | null} */ pose) => pose?.T && arraysOf(want(mapsOf(near, pose), `ahead ${letter} ${by}`));
+    ahead("a", near.a);
+    ahead("b", near.b);
   }
 }

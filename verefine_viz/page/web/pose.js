@@ -1,10 +1,17 @@
 // Poses as 16 numbers by rows [m], moved as a mouse over the image moves them; camera axes: x right, y down, z away.
 
+/** @typedef {import("./messages.d.ts").Pose} Pose */
+
+/** @type {(T: Pose) => number[]} */
 export const origin = (T) => [T[3], T[7], T[11]];
+/** @type {(point: number[], K: number[]) => number[]} */
 export const project = ([x, y, z], K) => [(K[0] * x) / z + K[2], (K[4] * y) / z + K[5]];
+/** @type {(pixel: number[], depth: number, K: number[]) => number[]} */
 export const pointAt = ([u, v], depth, K) => [((u - K[2]) / K[0]) * depth, ((v - K[5]) / K[4]) * depth, depth];
+/** @type {(a: number[], b: number[]) => number} */
 export const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 
+/** @type {(T: Pose, by: number[]) => Pose} */
 export function shifted(T, [x, y, z]) {
   const out = [...T];
   out[3] += x;

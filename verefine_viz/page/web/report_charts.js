@@ -1,19 +1,24 @@
 // What reports are made of: tables that sort, bars, intervals, and charts that fill their place at any width.
-import { html, useState } from "./vendor/htm-preact.js";
+import { html } from "htm/preact";
+import { useState } from "preact/hooks";
+import { limits, palette } from "./palette.js";
 import { Swatch, Table, number } from "./ui.js";
 
-const COLORS = ["#3b8eea", "#f28e2b", "#2fae5f", "#d8504d", "#9a7bd0", "#a0715e", "#e377c2", "#a8a928", "#17b3c4",
-  "#0f9d78", "#be3ca0", "#6e82eb"];
-export const colorOf = (i) => COLORS[i % COLORS.length];
-const dashOf = (i) => ["", "6 4", "2 3"][Math.floor(i / COLORS.length) % 3];
-export const LIMIT = 10; // % of the diameter: right is below
+/** @import { ReportGroup } from "./messages.d.ts" */
+
+export const colorOf = (i) => palette.runs[i % palette.runs.length];
+const dashOf = (i) => ["", "6 4", "2 3"][Math.floor(i / palette.runs.length) % 3];
+export const limit = () => 100 * limits.correct; // % of the diameter: right is below
 const MOST_BANDS = 4; // that can be read over each other; of more, the band of the group under the pointer
 
 export const signed = (x, digits = 1) => {
   const text = number(x, digits).replace("-", "−");
   return x > 0 && Number(x.toFixed(digits)) !== 0 ? `+${text}` : text;
 };
-// The ends of an interval; nothing where there is none, or where it shows as the value alone.
+/**
+ * The ends of an interval; nothing where there is none, or where it shows as the value alone.
+ * @type {(of: number[], digits: number, show?: typeof number) => string}
+ */
 export const interval = ([value, low, high], digits, show = number) => {
   if (low == null) return "";
   const [a, v, b] = [low, value, high].map((x) => show(x, digits));
@@ -26,7 +31,7 @@ export function Sorted({ name, columns, rows, most = 15 }) {
   const [isAll, setAll] = useState(false);
   const sorted = by == null ? rows : [...rows].sort((p, q) => {
     const [a, b] = [p, q].map(columns[by.column].value);
-    if (a == null || b == null) return (a == null) - (b == null);
+    if (a == null || b == null) return Number(a == null) - Number(b == null);
     return by.way * (typeof a === "string" ? a.localeCompare(b, "en", { numeric: true }) : a - b);
   });
   const head = (c, i) => {
@@ -59,7 +64,10 @@ export function Bars({ rows, unit = "", digits = 0, onPart, most }) {
 export const Key = ({ of }) => html`<div class="key">${of.map(([name, color, value]) => html`
   <span><${Swatch} color=${color} />${name}${value != null && html`<b>${value}</b>`}</span>`)}</div>`;
 
-// The share of right objects of each group with its interval, the best first.
+/**
+ * The share of right objects of each group with its interval, the best first.
+ * @param {{ groups: ReportGroup[] }} props
+ */
 export function Forest({ groups }) {
   const lines = groups.map((g, i) => ({ name: g.name, i, of: g.numbers.recall })).filter((l) => l.of)
     .sort((a, b) => b.of[0] - a.of[0]);
@@ -118,7 +126,10 @@ export const Dot = ({ at: [u, v], color, faint, onClick, children }) => html`
   <path class=${`point ${onClick ? "clickable" : ""}`} d=${`M${u.toFixed(2)} ${(100 - v).toFixed(2)}h0.001`}
     style=${{ stroke: color, opacity: faint ? 0.45 : 0.85 }} onClick=${onClick}><title>${children}</title></path>`;
 
-// Recall over the error limit; the key has the numbers at the pointer.
+/**
+ * Recall over the error limit; the key has the numbers at the pointer.
+ * @param {{ groups: ReportGroup[], thresholds: number[], best: number }} props
+ */
 export function Recall({ groups, thresholds, best }) {
   const [at, setAt] = useState(null);
   const [lit, setLit] = useState(null);
@@ -127,7 +138,7 @@ export function Recall({ groups, thresholds, best }) {
   const y = axis("objects [%]", 0, 100);
   const known = groups.map((g, i) => ({ ...g.curve, name: g.name, i })).filter((c) => c.recall);
   const banded = (known.length <= MOST_BANDS ? known : known.filter((c) => c.i === (lit ?? best))).filter((c) => c.low);
-  const marked = at ?? thresholds.indexOf(LIMIT);
+  const marked = at ?? thresholds.indexOf(limit());
   const band = ({ low, high }) => {
     const back = pathOf([...thresholds].reverse(), [...low].reverse(), x, y).replace("M", "L");
     return `${pathOf(thresholds, high, x, y)}${back}Z`;
@@ -135,7 +146,7 @@ export function Recall({ groups, thresholds, best }) {
   const hover = (share) => setAt(share == null ? null : Math.max(0, Math.min(last, Math.round(share * last))));
   return html`<${Drawing} x=${x} y=${y} onHover=${hover}>
     ${banded.map((c) => html`<path class="band" style=${{ "--color": colorOf(c.i) }} d=${band(c)} />`)}
-    <path class="limit" d=${`M${x.at(LIMIT)} 0V100`} />
+    <path class="limit" d=${`M${x.at(limit())} 0V100`} />
     ${at != null && html`<path class="hover" d=${`M${x.at(thresholds[at])} 0V100`} />`}
     ${known.map((c) => html`<path class=${`curve ${lit != null && lit !== c.i ? "faint" : ""}`} stroke=${colorOf(c.i)}
       stroke-dasharray=${dashOf(c.i)} d=${pathOf(thresholds, c.recall, x, y)} />`)}

@@ -1,35 +1,36 @@
 // The two poses that are compared, A and B, with their maps; canvases and pictures that are drawn from them.
 import { state, want, forget, arraysOf, blob, changed, addressOf } from "./store.js";
+import { mapsOf } from "./wants.js";
+import { momentOf } from "./moment.js";
 import { MAPS, gainOf, paint, valueAt } from "./colours.js";
+
+/** @import { MapsAnswer, MapScale, Pose } from "./messages.d.ts" */
+/** @import { Moment, NamedPose, Pair } from "./moment.js" */
+/** @import { Mapped } from "./colours.js" */
+/** @import { Arrays } from "./store.js" */
+
+/**
+ * A pose with its maps, as far as they are there.
+ * @typedef {Partial<Mapped> & { pose: NamedPose, letter: string, stale: boolean, gone: string | null }} Side
+ */
+/** @typedef {{ a: Side | null, b: Side | null, same: boolean, gain: Mapped | null }} Sides */
 
 // Poses
 
-// A pose is scored alike at all iterations between two changes of the score's settings: the first stands for all.
-function scoredAt(branch, k) {
-  const { scored = [] } = state.branches.find((b) => b.index === branch) ?? {};
-  return 1 + (scored.findLast((after) => after < Math.max(k, 1)) ?? 0);
-}
-
-const wanted = new WeakMap(); // pose → want
-export function wantOfMaps(moment, pose) {
-  if (wanted.has(pose)) return wanted.get(pose);
-  const branch = pose.branch ?? moment.branch;
-  const k = scoredAt(branch, pose.k ?? moment.k);
-  const posed = pose.poses ? { obj: null, poses: pose.poses } : { obj: moment.obj, T: pose.T };
-  wanted.set(pose, { what: "maps", branch, k, ...posed });
-  return wanted.get(pose);
-}
-
 // What is compared: poses of the object, or with `together` all objects as they stand and as they truly are; one whose
 // ground truth is unknown stays where it is, so that both scenes have the same objects.
+/** @type {WeakMap<Moment, Pair>} */
 const pairs = new WeakMap(); // moment → pair
+/** @type {(moment: Moment) => Pair} */
 function pairOf(moment) {
   if (!state.view.together || moment.scene.length < 2) return moment;
   if (!pairs.has(moment)) pairs.set(moment, wholeScene(moment));
   return pairs.get(moment);
 }
+/** @type {(moment: Moment) => Pair} */
 function wholeScene(moment) {
-  const posed = (of) => moment.scene.map((o) => [o.object.id, of(o)]).filter(([, T]) => T);
+  /** @type {(of: (o: Moment["scene"][number]) => Pose | null) => [number, Pose][]} */
+  const posed = (of) => moment.scene.map((o) => /** @type {[number, Pose]} */ ([o.object.id, of(o)])).filter(([, T]) => T);
   const known = moment.scene.filter((o) => o.object.gt).length;
   const [stands, true_] = [posed((o) => o.T), known ? posed((o) => o.object.gt ?? o.T) : []];
   const label = known < moment.scene.length ? "ground truth where known" : "ground truth";
@@ -37,44 +38,44 @@ function wholeScene(moment) {
     b: true_.length ? { name: "true scene", label, poses: true_ } : null };
 }
 
-// The arrays with those that the images of the frame give: the depth difference [m], NaN where either depth is missing,
-// and where colour counts the observed one. Null until these images are there.
+// The arrays with the difference [m] to the observed depth, NaN where either is missing. Null until that is there.
+/** @type {(arrays: Arrays | null, region: number[] | null) => Arrays | null} */
 function withObserved(arrays, region) {
   const depth = observedDepth();
-  const smoothed = arrays?.correlation && blob(state.frame.smoothed);
-  if (!arrays || !depth || smoothed === null) return null;
+  if (!arrays || !depth) return null;
   if (!arrays.difference) {
     const [u0, v0, w] = region;
-    const at = (i) => (v0 + Math.floor(i / w)) * state.frame.camera.w + u0 + (i % w);
+    const at = (/** @type {number} */ i) => (v0 + Math.floor(i / w)) * state.frame.camera.w + u0 + (i % w);
     arrays.difference = arrays.rendered.map((rendered, i) => {
       const observed = depth[at(i)];
       return observed > 0 && rendered > 0 ? observed - rendered : NaN;
     });
-    if (smoothed) {
-      const image = new Uint8Array(smoothed);
-      arrays.observed_rgb = arrays.rendered_rgb.map((_, i) => image[3 * at(Math.floor(i / 3)) + (i % 3)]);
-    }
   }
   return arrays;
 }
 
 // A pose with its maps. While they are on their way those of the pose shown before stand for them, `stale`.
+/** @type {Record<string, Pick<MapsAnswer, "region" | "score" | "scale"> & { place: string, arrays: Arrays }>} */
 const shown = {}; // by letter, the maps that came last
+/** @type {(moment: Moment, pose: NamedPose | null, letter: string) => Side | null} */
 function sideOf(moment, pose, letter) {
   if (!pose?.T && !pose?.poses) return null;
-  const answer = want(wantOfMaps(moment, pose), pose.name === "edited" ? "edited" : `maps-${letter}`);
-  const arrays = withObserved(arraysOf(answer), answer?.region);
+  const answer = want(mapsOf(moment, pose), pose.name === "edited" ? "edited" : `maps-${letter}`);
+  const arrays = withObserved(arraysOf(answer), answer && "region" in answer ? answer.region : null);
   const place = `${state.frame.id} ${pose.poses ? "all" : moment.obj}`;
-  if (arrays) {
+  if (arrays && "region" in answer) {
     const { region, score, scale } = answer;
     shown[letter] = { place, region, score, scale, arrays };
     return { ...shown[letter], pose, letter, stale: false, gone: null };
   }
-  const before = shown[letter]?.place === place && !answer?.gone ? shown[letter] : null;
-  return { ...before, pose, letter, stale: true, gone: answer?.gone ?? null };
+  const gone = answer && "gone" in answer ? answer.gone : null;
+  const before = shown[letter]?.place === place && !gone ? shown[letter] : null;
+  return { ...before, pose, letter, stale: true, gone };
 }
 
+/** @type {WeakMap<Arrays, WeakMap<Arrays, Mapped>>} */
 const gains = new WeakMap(); // arrays of A → arrays of B → gain
+/** @type {(a: Mapped, b: Mapped) => Mapped} */
 function gainBetween(a, b) {
   if (!gains.has(a.arrays)) gains.set(a.arrays, new WeakMap());
   const own = gains.get(a.arrays);
@@ -83,8 +84,11 @@ function gainBetween(a, b) {
 }
 
 // { a, b, same, gain }: of equal poses a alone; sides without arrays have nothing to draw yet.
+/** @type {Sides} */
 const NO_SIDES = { a: null, b: null, same: false, gain: null };
-let last = { key: [] };
+/** @type {{ key: unknown[], sides?: Sides }} */
+let last = { key: [] }; // cache: the sides, and what they follow from
+/** @type {(moment: Moment | null) => Sides} */
 export function sidesOf(moment) {
   if (!moment) return NO_SIDES;
   const pair = pairOf(moment);
@@ -92,47 +96,76 @@ export function sidesOf(moment) {
   const b = pair.same ? null : sideOf(moment, pair.b, "b");
   const key = [a?.arrays, b?.arrays, a?.pose, b?.pose, a?.stale, b?.stale, a?.gone, b?.gone];
   if (key.length !== last.key.length || key.some((x, i) => x !== last.key[i])) {
-    const gain = a?.arrays && b?.arrays ? { ...gainBetween(a, b), letter: "gain", stale: a.stale || b.stale } : null;
+    const gain = a?.arrays && b?.arrays ? { ...gainBetween(/** @type {Mapped} */ (a), /** @type {Mapped} */ (b)), letter: "gain", stale: a.stale || b.stale } : null;
     last = { key, sides: { a, b, same: pair.same, gain } };
   }
   return last.sides;
 }
 
+/** @param {Sides} sides */
 export const hasColour = (sides) => Boolean(sides.a?.arrays?.correlation || sides.b?.arrays?.correlation);
 
 // The observed depth [m], 0 = none; and as a side of its own over the whole image, with the scale of another one.
-let observed = { buffer: null };
+/** @type {{ buffer: ArrayBuffer | null, depth?: Float32Array | null, side?: Mapped, whole?: Float32Array }} */
+let observed = { buffer: null }; // cache
 export function observedDepth() {
   const buffer = state.frame?.depth ? blob(state.frame.depth) : null;
   if (observed.buffer !== buffer) observed = { buffer, depth: buffer && new Float32Array(buffer) };
   return observed.depth ?? null;
 }
+/** @type {(like: Side | null) => Mapped | null} */
 function observedSide(like) {
   const depth = observedDepth();
-  if (!depth || !like?.scale) return null;
-  if (observed.side?.scale.depth.join() !== like.scale.depth.join()) {
+  const scale = like?.scale ?? (depth && !momentOf(state) ? wholeScale(depth) : null);
+  if (!scale) return null;
+  if (observed.side?.scale.depth.join() !== scale.depth.join()) {
     const { w, h } = state.frame.camera;
-    observed.side = { region: [0, 0, w, h], arrays: { depth }, scale: like.scale, letter: "observed" };
+    observed.side = { region: [0, 0, w, h], arrays: { depth }, scale, letter: "observed" };
   }
   return observed.side;
 }
+// Of a frame without objects: from the nearest to the farthest but for a hundredth.
+/** @type {(depth: Float32Array) => MapScale} */
+function wholeScale(depth) {
+  observed.whole ??= depth.filter((m) => m > 0).sort();
+  const at = (/** @type {number} */ share) => observed.whole[Math.floor(share * (observed.whole.length - 1))] ?? share;
+  return { depth: [at(0.01), at(0.99)], tau_mm: 1000 * state.frame.tau_m, colour_weight: 0 };
+}
+// The photo as the colour term sees it, as a side over the whole image.
+/** @type {WeakMap<ArrayBuffer, Mapped>} */
+const smoothed = new WeakMap(); // cache
+/** @type {(sides: Sides) => Mapped | null} */
+function smoothedSide(sides) {
+  const buffer = hasColour(sides) ? blob(state.frame.smoothed) : null;
+  if (buffer && !smoothed.has(buffer)) {
+    const { w, h } = state.frame.camera;
+    const { scale } = sides.a?.scale ? sides.a : sides.b;
+    smoothed.set(buffer, { region: [0, 0, w, h], arrays: { observed_rgb: new Uint8Array(buffer) }, scale, letter: "observed" });
+  }
+  return (buffer && smoothed.get(buffer)) ?? null;
+}
 // Which arrays a map is drawn from: those of a side, or those that A and B share.
+/** @type {(name: string, sides: Sides, letter?: string) => Mapped | null} */
 export function sideFor(name, sides, letter) {
   if (name === "observed") return observedSide(sides.a?.scale ? sides.a : sides.b);
+  if (name === "observed_rgb") return smoothedSide(sides);
   if (name === "gain") return sides.gain;
-  const side = sides[letter]?.arrays ? sides[letter] : null;
+  const side = /** @type {Mapped | null} */ (sides[letter]?.arrays ? sides[letter] : null);
   return side && MAPS[name].of(side) ? side : null;
 }
 
+/** @type {(side: Mapped, u: number, v: number) => number} */
 export function indexAt(side, u, v) {
   const [u0, v0, w, h] = side.region;
   return u >= u0 && v >= v0 && u < u0 + w && v < v0 + h ? (v - v0) * w + u - u0 : -1;
 }
+/** @type {(name: string, side: Mapped | null, pixel: [number, number] | null) => ReturnType<typeof valueAt>} */
 export const readAt = (name, side, pixel) =>
   side && pixel ? valueAt(MAPS[name], side, indexAt(side, ...pixel)) : null;
 
 // A map as a canvas of its region's size, drawn once.
 const canvases = new WeakMap(); // arrays → { name: canvas }
+/** @type {(name: string, side: Mapped) => HTMLCanvasElement} */
 export function mapCanvas(name, side) {
   const own = canvases.get(side.arrays) ?? {};
   canvases.set(side.arrays, own);
@@ -150,7 +183,9 @@ export function mapCanvas(name, side) {
 
 // Pictures by address, decoded once.
 const MOST_PICTURES = 40;
+/** @type {Map<string, HTMLImageElement>} */
 const pictures = new Map();
+/** @type {(url: string, gone?: () => void) => HTMLImageElement | null} */
 function picture(url, gone) {
   if (!pictures.has(url)) {
     const image = new Image();
@@ -184,8 +219,10 @@ export function colourAt([u, v]) {
 }
 
 // The shaded model at a pose: { region, image } or null until it is there.
+/** @type {(obj: number, T: Pose, slot: string) => { region: number[], image: HTMLImageElement } | null} */
 export function shadedOf(obj, T, slot) {
   const answer = want({ what: "shaded", obj, T }, slot);
-  const image = answer?.url ? picture(addressOf(answer.url), () => forget(answer)) : null;
+  if (!answer || "gone" in answer || !answer.url) return null;
+  const image = picture(addressOf(answer.url), () => forget(answer));
   return image && { region: answer.region, image };
 }

@@ -1,5 +1,6 @@
 // A small kit: what several panes need of buttons, menus, tables and icons.
-import { html, useState, useEffect, useRef } from "./vendor/htm-preact.js";
+import { html } from "htm/preact";
+import { useState, useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { useStore, setView, state } from "./store.js";
 import { toast } from "./toasts.js";
 
@@ -20,20 +21,30 @@ const ICONS = {
   fill: ["M2.5 6V2.5H6M10 2.5h3.5V6M13.5 10v3.5H10M6 13.5H2.5V10"],
   shrink: ["M6 2.5V6H2.5M13.5 6H10V2.5M10 13.5V10h3.5M2.5 10H6v3.5"],
   down: ["M4 6.5 8 10.5l4-4"],
+  undo: ["M6 3 3 6l3 3", "M3 6h6.5a3.5 3.5 0 0 1 0 7H6"],
   close: ["M4 4l8 8M12 4l-8 8"],
   more: ["M3.5 8h.01M8 8h.01M12.5 8h.01"],
   check: ["M3 8.5 6.5 12 13 4.5"],
   cross: ["M4 4l8 8M12 4l-8 8"],
+  eye: ["M1.5 8s2.5-4.5 6.5-4.5S14.5 8 14.5 8s-2.5 4.5-6.5 4.5S1.5 8 1.5 8z", "M8 6.2a1.8 1.8 0 1 0 0 3.6 1.8 1.8 0 0 0 0-3.6z"],
   question: ["M5.5 5.5a2.5 2.5 0 1 1 3.4 2.3c-.7.3-.9.8-.9 1.6", "M8 12.2v.3"],
   warn: ["M8 2 14.5 13.5h-13z", "M8 6.5v3M8 11.6v.2"],
   dot: ["M8 6a2 2 0 1 0 0 4 2 2 0 0 0 0-4z"],
   stop: ["M5.5 2h5L14 5.5v5L10.5 14h-5L2 10.5v-5z"],
   search: ["M7 2.5a4.5 4.5 0 1 0 0 9 4.5 4.5 0 0 0 0-9z", "M10.3 10.3 14 14"],
   share: ["M8 10V2.5M5 5.2 8 2.2l3 3", "M4.5 7.5H3v6h10v-6h-1.5"],
+  redo: ["M10 3l3 3-3 3", "M13 6H6.5a3.5 3.5 0 0 0 0 7H10"],
+  folder: ["M2 3.5h4.2l1.5 2H14v7H2z"],
   list: ["M6 4h8M6 8h8M6 12h8M2.5 4h.01M2.5 8h.01M2.5 12h.01"],
 };
 export const Icon = ({ name }) => html`
   <svg class="icon" viewBox="0 0 16 16" aria-hidden="true">${ICONS[name].map((d) => html`<path d=${d} />`)}</svg>`;
+
+// A traffic light that is told by its shape, too.
+const LIGHTS = { green: ["check", "verified"], amber: ["warn", "look closer"], red: ["stop", "not verified"] };
+/** @param {{ tone: "green" | "amber" | "red", words?: boolean }} props */
+export const Light = ({ tone, words }) => html`<span class=${`lamp ${tone}`} title=${LIGHTS[tone][1]}>
+  <${Icon} name=${LIGHTS[tone][0]} />${words && LIGHTS[tone][1]}</span>`;
 
 // A button never keeps the focus: keys work whatever was clicked last.
 const clicked = (onClick) => (event) => {
@@ -92,8 +103,25 @@ export function number(x, digits = 2) {
   return Number(text) === 0 ? text.replace("-", "") : text; // no minus before zero
 }
 
-// columns: [{ title, hint, of(row, i) → cell, left }]; a row is clicked.
-export const Table = ({ columns, rows, onRow, current, keyOf = (r, i) => i }) => html`
+/** A number with its noun: "1 note", "2 notes". */
+export const counted = (n, one, several = `${one}s`) => `${n} ${n === 1 ? one : several}`;
+
+/**
+ * A column of a table. `of`: the cell; `value`: by what a table that sorts does so.
+ * @template R
+ * @typedef {{ title: unknown, hint?: string, left?: boolean, of?: (row: R, i: number) => unknown,
+ *   value?: (row: R) => number | string | null | undefined }} Column
+ */
+/**
+ * Columns for such rows, so that each knows what a row is.
+ * @template R
+ * @param {R[]} _rows
+ * @param {Column<R>[]} columns
+ */
+export const columnsOf = (_rows, columns) => columns;
+
+// columns: `Column`s with cells; a row is clicked.
+export const Table = ({ columns, rows, onRow, current, keyOf = (_, i) => i }) => html`
   <table class="table">
     <thead><tr>${columns.map((c) => html`<th class=${c.left ? "left" : ""}
       title=${c.hint}>${c.title}</th>`)}</tr></thead>
@@ -108,7 +136,7 @@ export const Table = ({ columns, rows, onRow, current, keyOf = (r, i) => i }) =>
 // Opens below its button and closes on a click elsewhere, or Esc. children: what it holds, or a function of `close`.
 export function Menu({ label, title, icon, kind = "", align = "left", children }) {
   const [open, setOpen] = useState(false);
-  const root = useRef();
+  const root = useRef(null);
   useEffect(() => {
     if (!open) return undefined;
     const outside = (e) => root.current?.contains(e.target) || setOpen(false);
@@ -126,7 +154,7 @@ export function Menu({ label, title, icon, kind = "", align = "left", children }
       removeEventListener("keydown", escape, true);
     };
   }, [open]);
-  const popup = useRef();
+  const popup = useRef(null);
   // One that would leave the window is moved back into it.
   useEffect(() => {
     if (!open) return;
@@ -151,9 +179,9 @@ export const MenuItem = ({ onClick, on, title, detail, children }) => html`
 // shortcut }].
 const hintOf = (t) => `${t.hint}${t.shortcut ? ` (${t.shortcut})` : ""}`;
 export function Tabs({ tabs, value, onChange }) {
-  const row = useRef();
+  const row = useRef(null);
   const [fits, setFits] = useState(tabs.length);
-  useEffect(() => {
+  useLayoutEffect(() => {
     const measure = () => {
       // The hidden twin holds every tab at its full width.
       const room = row.current.clientWidth;
@@ -170,7 +198,7 @@ export function Tabs({ tabs, value, onChange }) {
     measure();
     return () => observer.disconnect();
   }, [tabs.map((t) => t.title).join()]);
-  const tab = (t, i) => html`
+  const tab = (t) => html`
     <button type="button" role="tab" class=${`tab ${t.id === value ? "on" : ""} ${t.dim ? "empty" : ""}`} key=${t.id}
       title=${hintOf(t)} aria-selected=${String(t.id === value)}
         onClick=${clicked(() => onChange(t.id))}>${t.title}</button>`;

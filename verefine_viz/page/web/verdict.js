@@ -1,14 +1,22 @@
 // The verdict bar: what is open, what came of it and why; what is shown, and the link to it.
-import { html, useState } from "./vendor/htm-preact.js";
-import { state, useStore, setView, send, update } from "./store.js";
-import { editWords, momentOf, seek, worstOf } from "./moment.js";
-import { Button, Icon, IconButton, Menu, MenuItem, number } from "./ui.js";
-import { Failures, neighbour, openAnswer } from "./gallery.js";
+import { html } from "htm/preact";
+import { useEffect, useRef, useState } from "preact/hooks";
+import { addressOf, state, useStore, setView, send, update } from "./store.js";
+import { editWords, isLabelled, momentOf, runOf, worstOf } from "./moment.js";
+import { seek } from "./cursor.js";
+import { limitWords } from "./palette.js";
+import { DoubtBadges } from "./doubt_card.js";
+import { Button, counted, Icon, IconButton, Menu, MenuItem, number } from "./ui.js";
+import { neighbour, openAnswer } from "./answers.js";
+import { Failures } from "./gallery.js";
 import { addKeys, nameToOpen, titled } from "./keys.js";
-import { copyLink } from "./messages.js";
+import { copyLink } from "./address.js";
 import { presets, setPreset, switchTheme } from "./layout.js";
 
-const failureBeside = (by) => (state.answers ? neighbour(state, by) : null);
+/** @import { FindingShown, FrameMessage, JudgedObject, Open, TitledSession, VerdictMessage } from "./messages.d.ts" */
+/** @import { Moment } from "./moment.js" */
+
+const failureBeside = (/** @type {1 | -1} */ by) => (state.answers ? neighbour(state, by) : null);
 addKeys([
   { id: "failure", keys: ["j"], title: "Next failure of the batch", group: "Move", when: () => failureBeside(1) != null,
     action: () => openAnswer(failureBeside(1)) },
@@ -21,8 +29,8 @@ const TONES = {
     unknown: ["question", "No ground truth"],
   none: ["cross", "No pose"], going: ["dot", ""],
 };
-const LIMIT = "ADD(-S), the mean distance between the model at this pose and at the true one. "
-  + "A pose is right below 10 % of the diameter.";
+const limitHint = () => "ADD(-S), the mean distance between the model at this pose and at the true one. "
+  + `A pose is right below ${limitWords()}.`;
 
 const share = () => send({ verb: "save", what: "share", branch: state.view.branch });
 
@@ -47,37 +55,94 @@ export function Verdict() {
   </header>`;
 }
 
-// The frame, and what can be opened instead.
+/**
+ * The frame, and what can be opened instead.
+ * @param {{ frame: FrameMessage | null }} props
+ */
 function Opener({ frame }) {
-  const [text, setText] = useState("");
+  const settings = useStore((s) => s.branches.find((b) => b.index === s.view.branch)?.settings);
   if (!frame) return html`<div class="opener"><b>${state.report?.title ?? "verefine-viz"}</b></div>`;
-  const lists = [
-    ["Frames", frame.frames, (f) => ({ frame: f }), (f) => f === frame.frame],
-    ["Demos", frame.demos ?? [], (d) => ({ demo: d }), (d) => frame.source === "demo" && d === frame.dataset],
-    ["Sessions", frame.sessions ?? [], (s) => ({ session: s.path }), (s) => s.path === frame.session_file],
-  ].filter(([, list]) => list.length > 1 || (list.length && list !== frame.frames));
-  const words = (one, list) => nameToOpen(one.title ?? one, list.map((other) => other.title ?? other));
-  const fits = ([, w]) => w.toLowerCase().includes(text.toLowerCase());
-  const file = /\.(toml|vfrun|rrd)$/i.exec(text.trim())?.[1].toLowerCase();
-  const refiner = frame.method === "trace" ? "" : frame.refiner;
-  const detail = [frame.frame, frame.method_label, refiner].filter(Boolean).join(" · ");
+  const { "method.name": method = frame.method, "method.refiner": refiner = frame.refiner } = settings ?? {};
+  const label = frame.choices.methods.find((m) => m.name === method)?.label ?? frame.method_label;
+  const detail = [frame.frame, label, method === "trace" ? "" : refiner].filter(Boolean).join(" · ");
   return html`<div class="opener">
     <${Menu} kind="opener-button" title=${`${frame.title}; click: ${state.file ? "the command that opens it in the program" : "open another frame, demo or session"}`} label=${html`
       <span class="two"><b>${frame.title}</b>
       <span class="dim">${detail}</span></span><${Icon} name="down" />`}>
-      ${(close) => state.file ? html`<div class="open-list"><p>${state.file.command}</p></div>` : html`<div class="open-list"><input placeholder="filter, or the path of a file" value=${text}
-        onInput=${(e) => setText(e.currentTarget.value)} />
-        <div class="scroll">${file && html`<${MenuItem} onClick=${() => { close(); send({ verb: "open", [file === "toml" ? "session" : "recording"]: text.trim() }); }}>
-          Open the ${file === "toml" ? "session" : "recording"} ${text.trim()}<//>`}
-        ${lists.map(([title, list, verb, on]) => html`<h3>${title}</h3>
-          ${list.map((one) => [one, words(one, list)]).filter(fits).map(([one, w]) => html`
-            <${MenuItem} on=${on(one)} detail=${one.detail}
-              onClick=${() => { close(); send({ verb: "open", ...verb(one) }); }}>${w}<//>`)}`)}
-        </div></div>`}
+      ${(close) => state.file ? html`<div class="open-list"><p>${state.file.command}</p></div>`
+        : html`<${OpenList} frame=${frame} close=${close} />`}
     <//>
   </div>`;
 }
 
+/**
+ * Of a built-in scene a small picture, of others the sign of a folder.
+ * @param {{ demo: string }} props
+ */
+const ScenePicture = ({ demo }) => (demo
+  ? html`<img class="scene-picture" src=${addressOf(`/web/demos/${demo}.webp`)} alt="" loading="lazy" />`
+  : html`<i class="scene-picture"><${Icon} name="folder" /></i>`);
+
+const TO_LABEL = "Label these frames";
+
+/**
+ * Whether frames of a folder lack ground truth, which can be made.
+ * @param {FrameMessage} frame
+ */
+const canBeLabelled = ({ source, objects }) => ["bop", "folder"].includes(source) && !objects.some((o) => o.has_gt);
+
+/**
+ * What can be opened: by a click, or by typing a part of its name until one is left and Enter.
+ * @param {{ frame: FrameMessage, close: () => void }} props
+ */
+function OpenList({ frame, close }) {
+  const [text, setText] = useState("");
+  const input = useRef(null);
+  useEffect(() => input.current.focus(), []);
+  /**
+   * @template T
+   * @param {string} title
+   * @param {T[]} list
+   * @param {(one: T) => Omit<Open, "verb">} verb
+   * @param {(one: T) => boolean} on
+   * @returns {[string, any[], (one: any) => Omit<Open, "verb">, (one: any) => boolean]}
+   */
+  const listed = (title, list, verb, on) => [title, list, verb, on];
+  const all = [
+    listed("Frames", frame.frames, (f) => ({ frame: f }), (f) => f === frame.frame),
+    listed("Demos", frame.demos ?? [], (d) => ({ demo: d }), (d) => frame.source === "demo" && d === frame.dataset),
+    listed("Sessions", frame.sessions ?? [], (s) => ({ session: s.path }), (s) => s.path === frame.session_file),
+  ];
+  const lists = all.filter(([, list]) => list.length > 1 || (list.length && list !== frame.frames));
+  const titleOf = (/** @type {string | TitledSession} */ one) => (typeof one === "string" ? one : one.title);
+  /** @type {(one: string | TitledSession, list: (string | TitledSession)[]) => string} */
+  const words = (one, list) => nameToOpen(titleOf(one), list.map(titleOf));
+  const fits = (w) => w.toLowerCase().includes(text.toLowerCase());
+  const file = /\.(toml|vfrun|rrd)$/i.exec(text.trim())?.[1].toLowerCase();
+  /** @param {Omit<Open, "verb">} what */
+  const open = (what) => { close(); send({ verb: "open", ...what }); };
+  const typed = text.trim();
+  const ofFile = file && { [file === "toml" ? "session" : "recording"]: typed };
+  const fitting = lists.map(([title, list, verb, on]) => ({ title, on, verb,
+    entries: list.map((one) => ({ one, words: words(one, list) })).filter((entry) => fits(entry.words)) }));
+  const left = fitting.flatMap(({ verb, entries }) => entries.map(({ one }) => verb(one)));
+  const enter = (/** @type {KeyboardEvent} */ e) => {
+    if (e.key === "Enter" && ofFile) open(ofFile);
+    else if (e.key === "Enter" && left.length === 1) open(left[0]);
+  };
+  return html`<div class="open-list"><input ref=${input} placeholder="filter, or the path of a file" value=${text} spellcheck=${false}
+      onInput=${(e) => setText(e.currentTarget.value)} onKeyDown=${enter} />
+    <div class="scroll">${ofFile && html`<${MenuItem} onClick=${() => open(ofFile)}>
+        Open the ${file === "toml" ? "session" : "recording"} ${typed}<//>`}
+      ${canBeLabelled(frame) && fits(TO_LABEL) && html`<${MenuItem} onClick=${() => open({ label: true })}>${TO_LABEL}<//>`}
+      ${fitting.filter(({ entries }) => entries.length).map(({ title, on, verb, entries }) => html`<h3>${title}</h3>
+        ${entries.map((entry) => html`<${MenuItem} on=${on(entry.one)} onClick=${() => open(verb(entry.one))}>${
+          title !== "Frames" && html`<${ScenePicture} demo=${typeof entry.one === "string" ? entry.one : entry.one.demo} />`}${entry.words}<//>`)}`)}
+      ${!ofFile && !left.length && html`<p class="dim">nothing by that name</p>`}
+    </div></div>`;
+}
+
+/** @param {{ moment: Moment }} props */
 function Words({ moment }) {
   const [verdict, chosen] = useStore((s) => [s.verdicts.get(s.view.branch), s.view.obj]);
   if (!verdict?.objects.length || state.view.edited) return html`<${Going} moment=${moment} />`;
@@ -91,9 +156,10 @@ function Words({ moment }) {
   return html`<div class=${`words ${outcome.tone}`}>
     <div class="first">
       <span class="badge"><${Icon} name=${icon} />${word}</span>
+      <${DoubtBadges} moment=${moment} />
       ${several && html`<b class="name">${label}</b>`}
       ${outcome.err != null ? html`<span class="figure"
-        title=${LIMIT}><b>${number(outcome.err, 1)} mm</b> of ${number(outcome.limit, 1)} allowed</span>` : ""}
+        title=${limitHint()}><b>${number(outcome.err, 1)} mm</b> of ${number(outcome.limit, 1)} allowed</span>` : ""}
       ${outcome.score != null && html`<span class="figure"
         title="score of the answer, in 0 to 1">score <b>${number(outcome.score)}</b></span>`}
       ${outcome.also_fits && html`<span class="also"
@@ -101,18 +167,43 @@ function Words({ moment }) {
       <${Why} verdict=${verdict} first=${outcome.obj} n=${findings} />
     </div>
     <div class="second">${moment.isAnswer ? html`${several && verdict.scene?.words ? html`<span
-      class="scene">${verdict.scene.words}</span>` : ""}<span title=${outcome.words}>${capital(outcome.words)}</span>`
+      class="scene">${verdict.scene.words}</span>` : ""}<span title=${outcome.words}>${capital(outcome.words)}</span><${ToCause} outcome=${outcome} />`
       : html`<${Here} moment=${moment} />`}</div>
   </div>`;
 }
 
-// Below the verdict, what happened at the cursor.
+// To the iteration of a finding, with the tab that pictures it: of the last one what it did, not the answer.
+/** @type {(obj: number, finding: FindingShown) => void} */
+function goTo(obj, { k, tab_there: tab }) {
+  const { rows } = runOf(state);
+  seek(k);
+  setView({ obj, arm: null, stage: k === rows.length ? rows[k - 1].stages.at(-1).name : null, ...(tab ? { tab } : {}) });
+}
+
+/**
+ * Where what went wrong is seen, beside what it is.
+ * @param {{ outcome: JudgedObject }} props
+ */
+function ToCause({ outcome }) {
+  const first = outcome.findings?.[0];
+  if (!first?.k) return null;
+  return html`<button type="button" class="to-cause" title=${`show what happened there: ${first.title}`}
+    onClick=${() => goTo(outcome.obj, first)}><${Icon} name="event" />Show iteration ${first.k}</button>`;
+}
+
+/**
+ * Below the verdict, what happened at the cursor.
+ * @param {{ moment: Moment }} props
+ */
 function Here({ moment }) {
   const { head, words, text } = goingWords(moment);
   return html`<span title=${text}><b>${head}</b> ${words}</span>`;
 }
 
-// What happened at the cursor.
+/**
+ * What happened at the cursor.
+ * @param {Moment} moment
+ */
 function goingWords(moment) {
   const { k, row, isCurrent, stage, stages, arms, object, best } = moment;
   const text = stage ? row.stages.find((s) => s.name === stage)?.text : row?.text;
@@ -120,25 +211,33 @@ function goingWords(moment) {
   const edited = state.view.edited;
   let words = edited ? `the pose of hypothesis ${edited.arm + 1} of ${object.label} is being edited`
     : `works on another object; ${object.label} is shown as it is by now`;
+  if (k === 0 && isLabelled(state.frame)) {
+    const moved = edited ? " is being moved" : best?.score != null ? `, score ${number(best.score)}` : "";
+    return { head: "Label", words: `${object.label}${moved}`, text };
+  }
   if (k === 0) {
     const n = state.frame.objects.length;
-    words = `${n > 1 ? `${n} objects` : object.label}, ${arms.length} hypothes${arms.length === 1 ? "is" : "es"}`;
+    words = `${n > 1 ? `${n} objects` : object.label}, ${counted(arms.length, "hypothesis", "hypotheses")}`;
     if (best?.score != null) words += `, best initial score ${number(best.score)}`;
   } else if (isCurrent && !edited) words = stage ? `hypothesis ${row.arm + 1} of ${arms.length} · ${place}` : row.brief;
   return { head: k ? `Iteration ${k}` : moment.over ? "Before iteration 1" : "Ready", words, text };
 }
 
-// While nothing is decided.
+/**
+ * While nothing is decided.
+ * @param {{ moment: Moment }} props
+ */
 function Going({ moment }) {
   const edits = useStore((s) => s.branches.find((b) => b.index === moment.branch)?.edits) ?? [];
   const first = moment.k ? [] : edits.filter((e) => e.k === 0).map((e) => editWords(e, state.frame.objects));
   const { head, words, text } = goingWords(moment);
   return html`<div class="words going" title=${text}>
-    <div class="first"><b>${head}</b> <span>${words}</span></div>
+    <div class="first"><${DoubtBadges} moment=${moment} /><b>${head}</b> <span>${words}</span></div>
     <div class="second">${(moment.over && moment.run.missing) || text || first.join("; ") || moment.object.left_out || ""}</div>
   </div>`;
 }
 
+/** @param {JudgedObject} o */
 const numbers = (o) => [
   o.err != null && `${number(o.err, 1)} mm of ${number(o.limit, 1)} allowed`,
   o.deg != null && `${number(o.deg, 1)}°${o.way && o.deg >= 1 ? ` (${o.way})` : ""}, ${number(o.mm, 1)} mm off`,
@@ -147,11 +246,12 @@ const numbers = (o) => [
 ].filter(Boolean).join(" · ");
 const capital = (text) => (text ? text[0].toUpperCase() + text.slice(1) : "");
 
+/** @param {{ verdict: VerdictMessage, first: number, n: number }} props */
 function Why({ verdict, first, n }) {
   const frame = useStore((s) => s.frame);
-  const objects = [...verdict.objects].sort((a, b) => (b.obj === first) - (a.obj === first));
+  const objects = [...verdict.objects].sort((a, b) => Number(b.obj === first) - Number(a.obj === first));
   const shown = new Set(verdict.objects.flatMap((o) => (o.findings ?? []).map((f) => f.text)));
-  const doubts = [...new Set([...(verdict.doubts ?? []), ...(verdict.notes ?? [])])].filter((text) => !shown.has(text));
+  const doubts = [...new Set([...(verdict.doubts ?? []).map((d) => `${d.text}.`), ...(verdict.notes ?? [])])].filter((text) => !shown.has(text));
   const label = (id) => frame.objects.find((o) => o.id === id)?.label;
   return html`<${Menu} kind="why" title="Evidence and what to do about it" label=${n ? `why (${n})` : "why"}>
     ${(close) => html`<div class="findings scroll">
@@ -165,7 +265,8 @@ function Why({ verdict, first, n }) {
           <h4>${capital(f.title)}</h4><p>${f.text}</p>${f.advice && html`<p class="dim">${capital(f.advice)}.</p>`}
           <div class="group">
             ${f.k != null && f.k > 0 && html`<${Button} title="go there"
-              onClick=${() => { close(); setView({ obj: o.obj, arm: null }); seek(f.k); }}>Iteration ${f.k}<//>`}
+              onClick=${() => { close(); goTo(o.obj, f); }}>Iteration ${f.k}<//>`}
+            ${f.tab && html`<${Button} title="the picture that shows it" onClick=${() => { close(); setView({ obj: o.obj, arm: null, tab: f.tab }); }}>Show<//>`}
             ${f.try && html`<${Button} engine title=${`a new branch from the start with ${wordsOf(f.try)}`} onClick=${() => {
               close();
               send({ verb: "fork", branch: state.view.branch, k: 0, changes: f.try, run: true });

@@ -73,7 +73,11 @@ class Reader:
 
     LAYOUT = "layout of Extended APC"
     LOOKS_LIKE = f"scene-0001/{INFO}, {FRAME}.color.png, {FRAME}.depth.png, {FRAME}.mask.png"
-    NEEDS = ()
+    NEEDS = (
+        (INFO, "the camera, and the objects with their poses"),
+        (f"{FRAME}.color.png", "the image"),
+        (f"{FRAME}.depth.png", "its depth"),
+    )
     is_sequence = has_poses = False
 
     def __init__(self, folder: Path) -> None:

@@ -11,34 +11,31 @@ from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError, one_line
 from verefine_viz.core.files import id_of
 from verefine_viz.core.geometry import rounding_note
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.core.text_format import unusable
-from verefine_viz.scenes.image_files import SUFFIXES, color_of, find_image, read_mask, read_steps
-from verefine_viz.scenes.meshes import read_geometry
+from verefine_viz.scenes.image_files import SUFFIXES, color_of, find_image, read_mask
 from verefine_viz.scenes.recorded_frame import (
+    LABEL,
     RecordedFrame,
     RecordedObject,
+    depth_of,
     image_of,
     matrix_in,
     meshes_in,
     natural_key,
     numbers_in,
     pose_in,
+    unit_of,
 )
 
 CAMERA, DEPTH, RGB = "cam_K.txt", "depth", "rgb"
 MASKS, MESHES = ("masks", "mask", "gt_mask"), ("mesh", "meshes", "model", "models", ".")
 POSES, GROUND_TRUTH = ("ob_in_cam", "debug/ob_in_cam", "poses"), ("annotated_poses",)
 POSE_SUFFIXES = (".txt", ".npy")
-LARGEST_M, DEEPEST_M = 5.0, 60.0
-"""A mesh that is larger, and depth with a median beyond, are in millimetres."""
 
 
 class Reader:
@@ -72,7 +69,7 @@ class Reader:
     def frame(self, name: str) -> RecordedFrame:
         """One frame; a pose that cannot be read becomes a note."""
         path = image_of(self._folder / DEPTH, name)
-        depth, notes = _depth(path)
+        depth, notes = depth_of(path)
         color = find_image(self._folder / RGB, name)
         rgb, of_color = color_of(color, depth.shape)
         notes += of_color
@@ -86,7 +83,7 @@ class Reader:
         poses = () if pose is None else (Hypothesis(pose, 1.0, POSES[0]),)
         mask = None
         try:
-            mask = None if mask_file is None else read_mask(mask_file, depth.shape)
+            mask = None if mask_file is None else read_mask(mask_file, depth.shape, mask_file.parent / LABEL)
         except InputError as error:
             notes.append(f"the mask is left out: {error}")
         steps = () if pose is None else (RecordedStep(0, pose, ANSWER),)
@@ -134,17 +131,15 @@ class Reader:
 
     @cached_property
     def _mesh_files(self) -> tuple[Path, ...]:
-        files = [file for kind in MESHES for file in meshes_in(self._folder / kind)]
-        if not files:
-            raise InputError(f"{self._folder} has no mesh; expected mesh/*.obj (or .ply, .glb, .stl)")
-        return tuple(files)
+        return tuple(file for kind in MESHES for file in meshes_in(self._folder / kind))
 
     @cached_property
     def _mesh(self) -> tuple[Path, float]:
-        """The mesh file and its unit [m]."""
+        """The mesh file, or where it should be, and its unit [m]."""
+        if not self._mesh_files:
+            return self._folder / MESHES[0] / "*.obj", 1.0
         file = self._mesh_files[0]
-        size = float(np.linalg.norm(np.ptp(read_geometry(file)[0], axis=0)))
-        return file, 1e-3 if size > LARGEST_M else 1.0
+        return file, unit_of(file)
 
 
 def _pose_notes(files: Mapping[str, Path]) -> tuple[str, ...]:
@@ -166,12 +161,3 @@ def _number(stem: str) -> int | str:
     """What names are compared by: numbers, whatever zeros are in front of them."""
     number = id_of(stem)
     return stem if number is None else number
-
-
-def _depth(path: Path) -> tuple[NDArray[np.float32], list[str]]:
-    """Depth (H, W) [m] of an image in millimetres, or in metres, which is noted."""
-    values = read_steps(path, 1.0)
-    measured = values[values > 0]
-    if len(measured) and float(np.median(measured)) <= DEEPEST_M:
-        return values.astype(np.float32), [f"{path.name} has a median of {np.median(measured):.3g}: depth in metres"]
-    return (values * 1e-3).astype(np.float32), []

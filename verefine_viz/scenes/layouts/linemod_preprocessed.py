@@ -1,6 +1,7 @@
 """LINEMOD as DenseFusion has it (``Linemod_preprocessed``): a folder per object with ``gt.yml`` and ``info.yml``.
 
-``data/01/{rgb,depth,mask}/0000.png`` and ``models/obj_01.ply``, in millimetres. A mask is of the folder's own object.
+``data/01/{rgb,depth,mask}/0000.png`` (or ``.npy``) and ``models/obj_01.ply``, in millimetres. A mask is of the folder's
+own object.
 """
 
 from __future__ import annotations
@@ -17,15 +18,22 @@ from verefine_viz.core.files import converted, id_of, read_yaml
 from verefine_viz.core.geometry import rounding_note
 from verefine_viz.scenes.annotations import TruthEntry, ground_truth_of, pose_of
 from verefine_viz.scenes.image_files import (
+    SUFFIXES,
     CameraEntry,
     color_of,
     depth_scale_of,
     find_image,
     intrinsics_of,
-    read_depth,
     read_mask,
 )
-from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, image_of, images_in
+from verefine_viz.scenes.recorded_frame import (
+    LABEL,
+    RecordedFrame,
+    RecordedObject,
+    depth_in_steps,
+    image_of,
+    natural_key,
+)
 
 CAMERAS, GROUND_TRUTH = "info.yml", "gt.yml"
 T = TypeVar("T")
@@ -36,7 +44,11 @@ class Reader:
 
     LAYOUT = "layout of DenseFusion's Linemod_preprocessed"
     LOOKS_LIKE = "data/01/gt.yml, data/01/info.yml, models/obj_01.ply"
-    NEEDS = ()
+    NEEDS = (
+        (CAMERAS, "cam_K [px] and depth_scale of each image"),
+        (GROUND_TRUTH, "the objects of each image and their poses"),
+        ("depth", "a depth image per entry"),
+    )
     is_sequence = has_poses = False
     has_truth = True
 
@@ -62,10 +74,10 @@ class Reader:
         folder_name, image = name.split("/")
         scene, obj_id = self._scenes[folder_name], id_of(folder_name) or 0
         camera, where = scene.entry(scene.cameras, CAMERAS, image, CameraEntry)
-        depth_m = read_depth(image_of(scene.folder / "depth", image), depth_scale_of(camera, where))
+        depth_m, of_depth = depth_in_steps(image_of(scene.folder / "depth", image), depth_scale_of(camera, where))
         rgb, of_color = color_of(find_image(scene.folder / "rgb", image), depth_m.shape)
         entries, where_gt = scene.entry(scene.truths, GROUND_TRUTH, image, tuple[TruthEntry, ...])
-        notes = [*scene.truth_notes, *of_color]
+        notes = [*scene.truth_notes, *of_depth, *of_color]
         if scene.are_counted_otherwise:
             notes.append(f"images of {folder_name}/ are counted otherwise than {CAMERAS}; they are paired in order")
         own = next((entry for entry in entries if entry.obj_id == obj_id), None)
@@ -76,7 +88,7 @@ class Reader:
             truth = ground_truth_of(own, 0, None, where_gt)
             T_gt = truth.T_cam_obj
             notes += [truth.fault] * bool(truth.fault)
-        mask = read_mask(image_of(scene.folder / "mask", image), depth_m.shape)
+        mask = read_mask(image_of(scene.folder / "mask", image), depth_m.shape, scene.folder / "mask" / LABEL)
         mesh = self._models / f"{_called(obj_id)}.ply"
         one = RecordedObject(_called(obj_id), mesh, 1e-3, mask, T_cam_obj_gt=T_gt)
         return RecordedFrame(name, intrinsics_of(camera, where), depth_m, rgb, (one,), notes=tuple(notes))
@@ -92,7 +104,8 @@ class _Folder:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.obj_id = id_of(folder.resolve().name) or 0
-        self.images = tuple(images_in(folder / "depth", "*.png"))
+        stems = {path.stem for path in (folder / "depth").glob("*.*") if path.suffix.lower() in SUFFIXES}
+        self.images = tuple(sorted(stems, key=natural_key))
 
     @cached_property
     def cameras(self) -> Mapping[int, Any]:

@@ -63,12 +63,11 @@ class Reader:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         meshes = meshes_in(folder)
-        if not meshes:
-            raise InputError(f"{folder} has no CAD model; put the .ply [mm] that SAM-6D was given beside rgb.png")
-        self._mesh = meshes[0]
+        self._mesh = meshes[0] if meshes else folder / "*.ply"
+        """Or where it should be, the model that SAM-6D was given [mm]."""
         more = f"the folder holds {len(meshes)} models; {self._mesh.name} is used"
         self.notes: tuple[str, ...] = (more,) * (len(meshes) > 1)
-        self.objects: Mapping[str, int] = {one_line(self._mesh.stem): 1}
+        self.objects: Mapping[str, int] = {one_line(self._mesh.stem if meshes else folder.resolve().name): 1}
         self._results = self._file(POSES) or self._file(DETECTIONS)
         self.has_poses = self._results is not None and self._results.name == POSES
 

@@ -16,11 +16,13 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.files import read_file
 from verefine_viz.core.geometry import rounding_note
-from verefine_viz.scenes.image_files import color_of, read_depth, read_steps, size_text
+from verefine_viz.scenes.image_files import color_of, read_steps, size_text
 from verefine_viz.scenes.mat_file import mat_arrays
 from verefine_viz.scenes.recorded_frame import (
     RecordedFrame,
     RecordedObject,
+    depth_in_steps,
+    image_of,
     images_in,
     meshes_in,
     near_pose,
@@ -67,7 +69,8 @@ class Reader:
     def __init__(self, folder: Path) -> None:
         is_scene = _is_scene(folder)
         self._data = (folder.resolve().parent if is_scene else folder / "data").resolve()
-        self._models = self._data.parent / "models"
+        places = (self._data.parent, self._data, folder.resolve())
+        self._models = next((place / "models" for place in places if (place / "models").is_dir()), places[0] / "models")
         scenes = [folder.resolve().name] if is_scene else sorted(p.name for p in self._data.iterdir() if _is_scene(p))
         listed = () if is_scene else tuple(_listed(self._data.parent / KEYFRAMES))
         there = tuple(name for name in listed if (self._data / f"{name}{META}").is_file())
@@ -88,14 +91,14 @@ class Reader:
         K, factor, indices, poses = (_array(meta, path, *one) for one in SHAPES)
         if len(indices) != poses.shape[2] or not 1 <= factor.item() <= 1e6:
             raise InputError(f"{path}: {len(indices)} objects, {poses.shape[2]} poses, factor {factor.item():g}")
-        depth_m = read_depth(self._data / f"{name}-depth.png", 1e3 / factor.item())
-        labels = read_steps(self._data / f"{name}-label.png", 1.0)
+        depth_m, notes = depth_in_steps(image_of(self._data, f"{name}-depth"), 1e3 / factor.item())
+        labels = read_steps(image_of(self._data, f"{name}-label"), 1.0)
         if labels.shape != depth_m.shape:
             raise InputError(
                 f"{name}-label.png is {size_text(labels.shape)} pixels, depth is {size_text(depth_m.shape)}"
             )
         rgb, of_color = color_of(self._data / f"{name}-color.png", depth_m.shape)
-        notes = [*of_color]
+        notes += of_color
         taken: list[Float] = []
         objects: list[RecordedObject] = []
         for k, index in enumerate(indices.ravel().tolist()):

@@ -14,7 +14,7 @@ import * as trace from "./trace.js";
 import * as refiner from "./refiner.js";
 import * as session from "./session.js";
 
-export const tabs = [score, errors, bandit, physics, landscape, compare, settings, order, grasp, track, trace, refiner,
+export const tabs = [score, errors, bandit, physics, landscape, settings, compare, order, grasp, track, trace, refiner,
   session];
 
 export const idOf = (tab) => tab.title.toLowerCase();

@@ -1,42 +1,44 @@
 // Starting a run beside another: both are computed to their ends, one after the other.
-import { listen, send, state } from "../store.js";
+import { listen, send, state, update } from "../store.js";
 
-let queue = null; // { was: what was compared before, asked: branch that is computed, began }
+/** @import { Compare } from "../messages.d.ts" */
 
-const isOver = (index) => state.runs.get(index)?.over ?? false;
+const isOver = (/** @type {number} */ index) => state.runs.get(index)?.over ?? false;
 
-// what: changed settings, { b } or { recording }.
+/** @type {(a: number, changes: Compare["changes"]) => void} */
 export function runBeside(a, changes) {
   start({ verb: "compare", a, changes });
 }
+/**
+ * @param {number} a
+ * @param {Pick<Compare, "b" | "recording">} what
+ */
 export function putBeside(a, what) {
   start({ verb: "compare", a, ...what });
 }
 
+/** @param {Compare} verb */
 function start(verb) {
-  queue = { was: state.compare, asked: null, began: false };
+  update({ finishing: { was: state.compare, asked: null, began: false } });
   send({ ...verb, run: false });
 }
 
 export function runBoth() {
-  queue = { was: null, asked: null, began: false };
-  next();
+  update({ finishing: { was: null, asked: null, began: false } });
 }
 
 function next() {
-  if (!queue || !state.compare || state.compare === queue.was) return;
-  const { branch } = state.running;
-  if (queue.asked != null && !isOver(queue.asked)) {
-    if (branch === queue.asked) queue.began = true;
-    else if (branch == null && queue.began) queue = null; // it was paused
+  const { finishing, compare, running: { branch } } = state;
+  if (!finishing || !compare || compare === finishing.was) return;
+  if (finishing.asked != null && !isOver(finishing.asked)) {
+    if (branch === finishing.asked) finishing.began = true;
+    else if (branch == null && finishing.began) update({ finishing: null }); // it was paused
     return;
   }
   if (branch != null) return;
-  const asked = [state.compare.a, state.compare.b].find((index) => !isOver(index));
-  if (asked == null) queue = null;
-  else {
-    queue = { ...queue, asked, began: false };
-    send({ verb: "run", branch: asked });
-  }
+  const asked = [compare.a, compare.b].find((index) => !isOver(index));
+  if (asked == null) return update({ finishing: null });
+  update({ finishing: { ...finishing, asked, began: false } });
+  send({ verb: "run", branch: asked });
 }
 listen(next);

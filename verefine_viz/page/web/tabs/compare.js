@@ -1,20 +1,25 @@
 // Two runs of the same frame: where they part, who comes nearer, and all branches.
-import { html, useMemo, useState } from "../vendor/htm-preact.js";
+import { html } from "htm/preact";
+import { useMemo, useState } from "preact/hooks";
 import { send, setView, state, useStore } from "../store.js";
 import { momentOf, rowsOf, runOf, startsOf, verdictOf } from "../moment.js";
-import { Button, IconButton, number, Select, Swatch, Table } from "../ui.js";
+import { Button, columnsOf, IconButton, number, Select, Table } from "../ui.js";
 import { Chart } from "../charts.js";
+import { palette } from "../palette.js";
 import { useLatest } from "./latest.js";
 import { putBeside, runBeside, runBoth } from "./beside.js";
-import { Field, listOf, parsed, settingsOf, shortName } from "./setting.js";
+import { Field, listOf, longName, parsed, settingsOf, shortName, shown } from "./setting.js";
+
+/** @import { BestPose, BranchListed, CompareAnswer, ComparedAnswer, ComparedBranches, EditableSetting, InitialPose, JudgedObject, ObjectInBoth, RunDeparture } from "../messages.d.ts" */
+/** @import { Moment } from "../moment.js" */
+/** @import { Run } from "../store.js" */
 
 export const title = "Compare";
 export const hint = "two runs side by side, and all branches";
-export const needs = (s) => s.branches.length > 0;
+export const needs = (/** @type {import("../store.js").State} */ s) => s.branches.length > 0;
 export const empty = "No run is open.";
 
 const MOST_LISTED = 4;
-export const SIDES = { a: "#00becd", b: "#9fc400" };
 const Letter = ({ side }) => html`<b class="side" style=${{ color: `var(--side-${side})` }}>${side.toUpperCase()}</b>`;
 
 export function render() {
@@ -27,17 +32,18 @@ export function render() {
   </div>`;
 }
 
+/** @param {{ compare: ComparedBranches, branches: BranchListed[], moment: Moment }} props */
 function Pair({ compare, branches, moment }) {
   const { a, b } = compare;
   const [run_a, run_b, running] = useStore((s) => [runOf(s, a), runOf(s, b), s.running.branch]);
   const answer = useLatest({ what: "compare", a, b, done: [run_a.rows.length, run_b.rows.length] }, "compare", `${a} ${b}`);
-  const result = answer?.gone ? null : answer;
+  const result = answer && !("gone" in answer) ? answer : null;
   const options = branches.map((one) => [String(one.index), one.name]);
   const choose = (side) => (index) => {
     const to = { ...compare, [side]: Number(index) };
     if (to.a !== to.b) send({ verb: "compare", a: to.a, b: to.b, run: false });
   };
-  const go = ({ a: k_a, b: k_b, place }) => {
+  const go = (/** @type {RunDeparture} */ { a: k_a, b: k_b, place }) => {
     const obj = result.pairs[place - 1]?.[0] ?? null;
     setView({ branch: a, k: k_a ?? 0, beside: k_b ?? 0, obj, stage: null, arm: null, edited: null });
   };
@@ -64,38 +70,42 @@ function Pair({ compare, branches, moment }) {
         <tbody>${result.settings.map(([name, x, y]) => html`<tr title=${name}><td class="left">${shortName(name)}</td><td>${x}</td><td>${y}</td></tr>`)}</tbody></table>`}`}`;
 }
 
+/** @param {{ answer: CompareAnswer, moment: Moment }} props */
 function Outcomes({ answer, moment }) {
+  /** @type {(o: ObjectInBoth, of: (x: ComparedAnswer) => number | null, digits: number) => unknown} */
   const pair = (o, of, digits) => html`${number(o.a && of(o.a), digits)}<span class="dim"> → </span>${number(o.b && of(o.b), digits)}`;
   const know = answer.rows.some((o) => o.a?.err != null || o.b?.err != null);
-  const columns = [
+  const columns = columnsOf(answer.rows, [
     { title: "answers, A → B", left: true, of: (o) => o.name },
     { title: "score", hint: answer.scores_alike ? "verification score" : "each by the settings of its own run: they do not compare", of: (o) => pair(o, (x) => x.score, 3) },
     { title: "mm", hint: "ADD(-S) against ground truth", of: (o) => html`<span title=${`turned ${number(o.a?.deg, 1)}° → ${number(o.b?.deg, 1)}°, shifted ${number(o.a?.mm, 1)} → ${number(o.b?.mm, 1)} mm`}>${pair(o, (x) => x.err, 1)}</span>` },
     { title: know ? "nearer" : "higher", hint: know ? "which is nearer to ground truth" : "which scores higher",
       of: (o) => (o.winner == null ? "–" : o.winner === "even" ? "=" : html`<${Letter} side=${o.winner.toLowerCase()} />`) },
-  ].filter((c) => know || c.title !== "mm");
+  ]).filter((c) => know || c.title !== "mm");
   const { a, b } = answer.effort;
-  const effort = [["iterations", a.iterations, b.iterations, 0], ["refiner calls", a.refiner_calls, b.refiner_calls, 0], ["in roll-outs", a.rollout_calls, b.rollout_calls, 0], ["time s", a.ms / 1000, b.ms / 1000, 2]]
-    .filter(([, x, y]) => x || y);
-  return html`<${Table} columns=${columns} rows=${answer.rows} keyOf=${(o) => o.obj} onRow=${(o) => setView({ obj: o.obj, arm: null })} current=${(o) => answer.rows.length > 1 && o.obj === moment.obj} />
+  /** @type {[string, number, number, number][]} */
+  const efforts = [["iterations", a.iterations, b.iterations, 0], ["refiner calls", a.refiner_calls, b.refiner_calls, 0], ["in roll-outs", a.rollout_calls, b.rollout_calls, 0], ["time s", a.ms / 1000, b.ms / 1000, 2]];
+  const effort = efforts.filter(([, x, y]) => x || y);
+  return html`<${Table} columns=${columns} rows=${answer.rows} keyOf=${(/** @type {ObjectInBoth} */ o) => o.obj} onRow=${(/** @type {ObjectInBoth} */ o) => setView({ obj: o.obj, arm: null })} current=${(/** @type {ObjectInBoth} */ o) => answer.rows.length > 1 && o.obj === moment.obj} />
     <dl class="facts">${answer.frame && html`<div title="how well all answers together explain the frame"><dt>frame score</dt><dd>${number(answer.frame[0], 3)} → ${number(answer.frame[1], 3)}</dd></div>`}
       ${effort.map(([name, x, y, digits]) => html`<div><dt>${name}</dt><dd>${number(x, digits)} → ${number(y, digits)}</dd></div>`)}</dl>`;
 }
 
+/** @param {{ run_a: Run, run_b: Run, moment: Moment, names: [string, string], compare: ComparedBranches }} props */
 function Curves({ run_a, run_b, moment, names, compare }) {
   const { obj, object } = moment;
-  const [what, setWhat] = useState("score");
+  const [what, setWhat] = useState(/** @type {"score" | "err"} */ ("score"));
   const [x, series, own_a, own_b] = useMemo(() => {
     const sides = [run_a, run_b].map((run) => {
       const starts = startsOf(run, object);
-      const first = starts.reduce((best, s) => ((s.score ?? 0) > (best?.score ?? -1) ? s : best), null);
+      const first = starts.reduce((best, s) => ((s.score ?? 0) > (best?.score ?? -1) ? s : best), /** @type {InitialPose | null} */ (null));
       return { own: rowsOf(run, obj), values: [first?.[what] ?? null, ...rowsOf(run, obj).map((r) => r.best[what])] };
     });
     const n = Math.max(...sides.map((s) => s.values.length));
     const line = ({ values }) => [...Array(n).keys()].map((i) => values[i] ?? null);
     return [[...Array(n).keys()], [
-      { name: `A ${names[0]}`, values: line(sides[0]), color: SIDES.a, kind: "steps" },
-      { name: `B ${names[1]}`, values: line(sides[1]), color: SIDES.b, kind: "steps", dash: true },
+      { name: `A ${names[0]}`, values: line(sides[0]), color: palette.side_lines.A, kind: "steps" },
+      { name: `B ${names[1]}`, values: line(sides[1]), color: palette.side_lines.B, kind: "steps", dash: true },
     ], sides[0].own, sides[1].own];
   }, [run_a, run_b, obj, object, what, names]);
   if (x.length < 2) return null;
@@ -111,12 +121,17 @@ function Curves({ run_a, run_b, moment, names, compare }) {
       digits=${what === "score" ? 3 : 1} cursor=${here.filter((r) => r.k <= moment.k).length} onSeek=${go} />`;
 }
 
-// What B can be: this frame with a changed setting, another branch, or a recording.
+/**
+ * What B can be: this frame with a changed setting, another branch, or a recording.
+ * @param {{ branch: number, branches: BranchListed[], compare: ComparedBranches | null }} props
+ */
 function NewB({ branch, branches, compare }) {
   const { preset, choices } = state.frame;
-  const settings = [...settingsOf(state, branch), { name: "preset", kind: "choice", value: preset, choices: choices.presets, common: true, help: "every choice as recommended, as in the paper's text, or as in the authors' code" }];
+  /** @type {EditableSetting[]} */
+  const settings = [...settingsOf(state, branch), { name: "preset", kind: "choice", value: preset, standard: preset, choices: choices.presets, common: true, can_fork: false, help: "every choice as recommended, as in the paper's text, or as in the authors' code" }];
   const [name, setName] = useState("method.name");
   const [value, setValue] = useState(null);
+  const [typed_name, setTypedName] = useState(/** @type {string | null} */ (null)); // while it names no setting
   const [path, setPath] = useState("");
   const setting = settings.find((one) => one.name === name) ?? settings[0];
   if (!setting) return null;
@@ -124,12 +139,19 @@ function NewB({ branch, branches, compare }) {
   const typed = setting.kind === "int" || setting.kind === "float" ? parsed(setting, String(now)) : now;
   const same = typed === undefined || typed === setting.value;
   const others = branches.filter((b) => b.index !== branch && b.index !== compare?.b);
+  const pick = (/** @type {string} */ text) => {
+    const one = settings.find((s) => longName(s.name) === text);
+    setTypedName(one ? null : text);
+    if (one) setName(one.name), setValue(null);
+  };
   return html`<section class="new-b"><h3>${compare ? "Another B" : "B is"}</h3>
     <div class="form-row"><span class="dim">this frame with</span>
-      <${Select} value=${name} options=${settings.map((one) => [one.name, one.common ? shortName(one.name) : one.name])} onChange=${(v) => { setName(v); setValue(null); }} title=${setting.help} />
+      <input type="text" list="settings-of-b" class="name" value=${typed_name ?? longName(name)} title=${setting.help || "type a part of its name"} spellcheck=${false}
+        onFocus=${(e) => { setTypedName(""); e.currentTarget.value = ""; }} onInput=${(e) => pick(e.currentTarget.value)} onBlur=${() => setTypedName(null)} />
+      <datalist id="settings-of-b">${settings.map((one) => html`<option value=${longName(one.name)} />`)}</datalist>
       <${Field} setting=${setting} value=${now} onChange=${setValue} />
       <${Button} engine kind="primary" disabled=${same} title=${same ? "choose another value than A's" : `${listOf({ [name]: typed })}, from the start; A is run too where it is not`}
-        onClick=${() => { runBeside(branch, { [name]: typed }); setValue(null); }}>Run B<//></div>
+        onClick=${() => { runBeside(branch, { [name]: typed }); setValue(null); }}>Run B<//>${same && html`<span class="dim">A has ${shown(setting.value)}: choose another</span>`}</div>
     ${others.length > 0 && html`<div class="form-row"><span class="dim">the branch</span>
       ${others.map((b) => html`<${Button} engine title="put this branch beside A" onClick=${() => putBeside(branch, { b: b.index })}>${b.name}<//>`)}</div>`}
     <div class="form-row"><span class="dim">a recording</span>
@@ -139,25 +161,32 @@ function NewB({ branch, branches, compare }) {
 }
 
 // Settings in a few words: a preset stands for all that it sets.
+/** @param {Record<string, unknown>} settings */
 function fewOf({ preset, ...others }) {
   if (preset) return listOf({ preset });
   const names = Object.keys(others);
   return `${listOf(Object.fromEntries(names.slice(0, MOST_LISTED).map((name) => [name, others[name]])))}${names.length > MOST_LISTED ? `, ${names.length - MOST_LISTED} more` : ""}`;
 }
 
+/** @param {{ branches: BranchListed[], moment: Moment, compare: ComparedBranches | null }} props */
 function Branches({ branches, moment, compare }) {
   const [renamed, setRenamed] = useState(null);
-  const nameOf = (index) => branches.find((b) => b.index === index)?.name ?? "–";
+  const nameOf = (/** @type {number} */ index) => branches.find((b) => b.index === index)?.name ?? "–";
+  /** @type {(index: number, key: keyof JudgedObject & keyof BestPose) => any} */
   const bestOf = (index, key) => verdictOf(state, moment.obj, index)?.[key] ?? runOf(state, index).rows.findLast((r) => r.obj === moment.obj)?.best[key] ?? null;
+  /** @type {(b: BranchListed, name: string) => void} */
   const rename = (b, name) => {
     setRenamed(null);
     if (name.trim() && name !== b.name) send({ verb: "branch", index: b.index, name: name.trim() });
   };
   const here = branches.find((b) => b.index === moment.branch);
+  /** @param {BranchListed | undefined} b */
   const scoreOf = (b) => JSON.stringify(Object.entries(b?.settings ?? {}).filter(([name]) => name.startsWith("score.")));
+  /** @param {BranchListed} b */
   const sideOf = (b) => (b.index === compare?.a ? html`<${Letter} side="a" /> ` : b.index === compare?.b ? html`<${Letter} side="b" /> ` : "");
+  /** @param {BranchListed} b */
   const origin = (b) => [b.recording ? "recording" : b.parent != null ? `left ${nameOf(b.parent)} after ${b.from}` : "", fewOf(b.settings)].filter(Boolean).join(", ");
-  const columns = [
+  const columns = columnsOf(branches, [
     { title: "branch", left: true, of: (b) => (renamed === b.index
       ? html`<input type="text" value=${b.name} maxlength="80" ref=${(e) => e && document.activeElement !== e && e.focus()} onClick=${(e) => e.stopPropagation()}
           onKeyDown=${(e) => (e.key === "Enter" ? rename(b, e.currentTarget.value) : e.key === "Escape" && setRenamed(null))} onBlur=${(e) => rename(b, e.currentTarget.value)} />`
@@ -168,7 +197,7 @@ function Branches({ branches, moment, compare }) {
     { title: "mm", hint: `ADD(-S) of the best pose of ${moment.object.label}`, of: (b) => number(bestOf(b.index, "err"), 1) },
     { title: "", of: (b) => html`<span class="acts" onClick=${(e) => e.stopPropagation()}>
       ${branches.length > 1 && html`<${IconButton} engine icon="close" title="remove this branch" onClick=${() => send({ verb: "branch", index: b.index, remove: true })} />`}</span>` },
-  ].filter((c) => c.title !== "mm" || moment.object.has_gt);
+  ]).filter((c) => c.title !== "mm" || moment.object.has_gt);
   return html`<div class="row"><h3>${branches.length === 1 ? "The only branch" : `${branches.length} branches`}</h3><span class="spring" />
       <${Button} title="give the branch that is shown another name" onClick=${() => setRenamed(moment.branch)}>Rename<//></div>
     <${Table} columns=${columns} rows=${branches} keyOf=${(b) => b.index} current=${(b) => b.index === moment.branch}

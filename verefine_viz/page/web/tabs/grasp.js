@@ -1,24 +1,34 @@
 // A simulated grasp by a pose and by the ground truth, side by side, with its moments.
-import { html, useEffect } from "../vendor/htm-preact.js";
+import { html } from "htm/preact";
+import { useEffect } from "preact/hooks";
 import { answerTo, send, setView, state, useStore } from "../store.js";
-import { momentOf, STAGE_COLORS } from "../moment.js";
+import { momentOf } from "../moment.js";
+import { palette } from "../palette.js";
 import { Button, number, Swatch } from "../ui.js";
 import { Chart } from "../charts.js";
 
+/** @import { GraspAnswer, GraspOutcome, Pose } from "../messages.d.ts" */
+/** @import { Moment } from "../moment.js" */
+/** @import { State } from "../store.js" */
+
 export const title = "Grasp";
 export const hint = "would a gripper have lifted the object by this pose";
+/** @param {State} s */
 export const needs = (s) => Boolean(s.frame?.support) && (momentOf(s)?.scene ?? []).every((o) => o.object.has_gt) && poseOf(s) != null;
-export const empty = (s) => (!s.frame?.support ? "No support plane is known here."
+export const empty = (/** @type {State} */ s) => (!s.frame?.support ? "No support plane is known here."
   : s.frame.objects.some((o) => !o.has_gt) ? "A simulated grasp needs the ground truth of all objects." : "This object has no pose.");
 
-const COLORS = { free: "#28c850", blocked: "#be5046", chosen: "#ffd23c" };
+/** @typedef {Exclude<keyof GraspAnswer, "what">} Side */
+/** @type {[Side, string][]} */
 const SIDES = [["pose", "this pose"], ["truth", "ground truth"]];
 const PLAY_MS = 1000 / 30;
 
+/** @type {(s: State) => Pose | null} */
 function poseOf(s) {
   const moment = momentOf(s);
   return moment?.poses.edited?.T ?? moment?.best?.T ?? null;
 }
+/** @type {(moment: Moment, T: Pose) => string} */
 const idOf = (moment, T) => JSON.stringify({ grasp: moment.obj, branch: moment.branch, T });
 
 export function render() {
@@ -29,12 +39,13 @@ export function render() {
   useEffect(() => () => { stop(); if (state.view.grasp) setView({ grasp: null }); }, []);
   const words = moment.poses.edited ? "the edited pose" : moment.isAnswer ? "the answer" : "the best pose so far";
   const carryOut = () => send({ verb: "evaluate", id, what: "grasp", branch: moment.branch, k: moment.k, obj: moment.obj, T });
-  if (!answer || answer.gone) {
+  if (!answer || "gone" in answer) {
     return html`<div class="tab grasp"><p>A gripper takes ${moment.object.label} in simulation, by the free grasp that is nearest to its middle: once by ${words}, once by the ground truth. The object is where the ground truth has it.</p>
-      ${answer?.gone && html`<p class="doubt">${answer.gone}</p>`}
+      ${answer && "gone" in answer && html`<p class="doubt">${answer.gone}</p>`}
       <div class="row"><${Button} engine kind="primary" disabled=${Boolean(busy)} title="takes some seconds" onClick=${carryOut}>Grasp by ${words}<//></div></div>`;
   }
   const by = shown?.by ?? "pose";
+  /** @param {Side} side */
   const at = (side) => Math.min(shown?.moment ?? Infinity, Math.max(answer[side].n - 1, 0)); // both show the same time
   const one = answer[by];
   const show = (next) => setView({ grasp: { by, moment: Math.max(one.n - 1, 0), ...next } });
@@ -45,13 +56,16 @@ export function render() {
           onClick=${() => setView({ grasp: { by: side, moment: Math.max(end.n - 1, 0) } })}>
         <span class="dim">by ${side === "pose" ? words : name}</span><b>${end.verdict}</b>
         ${end.n ? html`<${Picture} attempt=${end} at=${at(side)} />` : html`<span class="dim">${end.words}</span>`}
-        <span class="counts"><${Swatch} color=${COLORS.free} />${end.free} free<${Swatch} color=${COLORS.blocked} />${end.blocked} blocked</span></button>`;
+        <span class="counts"><${Swatch} color=${palette.grasps.free} />${end.free} free<${Swatch} color=${palette.grasps.blocked} />${end.blocked} blocked</span></button>`;
     })}</div>
     ${one.n > 0 && html`<${Moments} one=${one} by=${by} at=${at(by)} show=${show} />`}
   </div>`;
 }
 
-// Gripper and objects from the side; the line is the plane.
+/**
+ * Gripper and objects from the side; the line is the plane.
+ * @param {{ attempt: GraspOutcome, at: number }} props
+ */
 function Picture({ attempt, at }) {
   const objects = useStore((s) => s.frame.objects);
   const obj = useStore((s) => momentOf(s)?.obj);
@@ -59,14 +73,14 @@ function Picture({ attempt, at }) {
   const line = (points) => points.map(([x, y]) => `${x},${-y}`).join(" ");
   return html`<svg class="side-view" viewBox="-160 -330 320 360">
     <line class="plane" x1="-160" x2="160" y1="0" y2="0" />
-    ${[...frame.objects].sort((a, b) => (a[0] === obj) - (b[0] === obj)).map(([own, points]) => html`<polygon key=${own} class=${own === obj ? "target" : "other"} points=${line(points)}
+    ${[...frame.objects].sort((a, b) => Number(a[0] === obj) - Number(b[0] === obj)).map(([own, points]) => html`<polygon key=${own} class=${own === obj ? "target" : "other"} points=${line(points)}
       style=${{ fill: objects.find((o) => o.id === own)?.color, stroke: objects.find((o) => o.id === own)?.color }} />`)}
     ${frame.gripper.map((points, i) => html`<polygon class="gripper" key=${i} points=${line(points)} />`)}
     <path class="ruler" d="M-150 18h100M-150 14v8M-50 14v8" /><text x="-44" y="24">100 mm</text>
   </svg>`;
 }
 
-let timer = null;
+let timer = null; // while a grasp is played
 function stop() {
   clearInterval(timer);
   timer = null;
@@ -87,10 +101,11 @@ function play(by, n) {
   return undefined;
 }
 
+/** @param {{ one: GraspOutcome, by: "pose" | "truth", at: number, show: (next: { moment: number }) => void }} props */
 function Moments({ one, by, at, show }) {
   const x = [...one.stages.keys()].map((k) => k / 30);
   const series = [
-    { name: "rise mm", values: one.rise_mm, color: STAGE_COLORS.best },
+    { name: "rise mm", values: one.rise_mm, color: palette.stages.best },
     { name: "force N", values: one.force_n.map(([l, r]) => (l + r) / 2), color: "#ffbe5a" },
     { name: "gap mm", values: one.gap_mm, color: "#4aa3c7", off: true },
   ];

@@ -1,12 +1,16 @@
 // Which objects depend on which: the graph in the order to solve them, and changing that order.
-import { html } from "../vendor/htm-preact.js";
+import { html } from "htm/preact";
 import { send, setView, useStore } from "../store.js";
 import { momentOf } from "../moment.js";
 import { Button, IconButton, Swatch } from "../ui.js";
 
+/** @import { FrameObject, SolvingOrder } from "../messages.d.ts" */
+
 export const title = "Order";
 export const hint = "which objects rest on, hide or touch which, and the order that follows";
+/** @param {import("../store.js").State} s */
 export const needs = (s) => Boolean(s.frame?.order) && s.frame.objects.length > 1;
+/** @param {import("../store.js").State} s */
 export const empty = (s) => (s.frame?.objects.length > 1 ? "How the objects depend on each other is not known." : "One object: nothing to order.");
 
 const RULES = {
@@ -53,7 +57,10 @@ export function render() {
   </div>`;
 }
 
-// The objects from top to bottom in the order to solve them, in their clusters; edges are arcs beside them.
+/**
+ * The objects from top to bottom in the order to solve them, in their clusters; edges are arcs beside them.
+ * @param {{ order: SolvingOrder, of: (id: number) => Pick<FrameObject, "label" | "color">, current: number }} props
+ */
 function Graph({ order, of, current }) {
   const y = new Map();
   let at = ROW / 2 + 3;

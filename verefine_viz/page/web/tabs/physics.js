@@ -1,15 +1,22 @@
 // What physics says: whether each object can stand where it is, and what the simulation did step by step.
-import { html, useEffect, useState } from "../vendor/htm-preact.js";
+import { html } from "htm/preact";
+import { useEffect, useMemo, useState } from "preact/hooks";
 import { listen, send, setView, state, useStore } from "../store.js";
-import { labelOf, momentOf, STAGE_COLORS } from "../moment.js";
-import { Button, number, Select, Swatch, Table } from "../ui.js";
+import { labelOf, momentOf } from "../moment.js";
+import { palette, stageColor } from "../palette.js";
+import { showLayer } from "../scene_layers.js";
+import { Button, columnsOf, number, Select, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
 import { useLatest } from "./latest.js";
+import { physicsOf } from "../wants.js";
 import { settingsOf } from "./setting.js";
+
+/** @import { PhysicsAnswer, PosePhysics, SimulatedMotion, SupportAround } from "../messages.d.ts" */
+/** @import { Moment } from "../moment.js" */
 
 export const title = "Physics";
 export const hint = "whether the objects can stand so, and the simulation";
-export const needs = (s) => Boolean(momentOf(s)?.scene.some((o) => o.T));
+export const needs = (/** @type {import("../store.js").State} */ s) => Boolean(momentOf(s)?.scene.some((o) => o.T));
 export const empty = "No object has a pose.";
 
 export const LIGHTS = { green: ["check", "stable", "good"], amber: ["warn", "marginal", "doubt"], red: ["cross", "impossible", "bad"], grey: ["question", "unknown", "dim"] };
@@ -17,11 +24,10 @@ const PLAY_MS = 120;
 
 export function render() {
   const moment = useStore(momentOf);
-  const edited = useStore((s) => s.view.edited);
-  const mine = edited?.obj === moment.obj ? edited.T : null;
-  const answer = useLatest({ what: "physics", branch: moment.branch, k: moment.k, obj: moment.obj, answer: moment.isAnswer, edited: mine }, "physics", `${moment.branch} ${moment.obj}`);
+  const asked = useMemo(() => physicsOf(state, moment), [moment]);
+  const answer = useLatest(asked, "physics", `${moment.branch} ${moment.obj}`);
   if (!answer) return html`<p class="empty">Working out what touches what.</p>`;
-  if (answer.gone) return html`<p class="empty">${answer.gone}</p>`;
+  if ("gone" in answer) return html`<p class="empty">${answer.gone}</p>`;
   return html`<div class="tab physics">
     ${answer.empty && html`<p class="summary">${answer.empty}</p>`}
     ${answer.doubts.map((d) => html`<p class="doubt">${d}</p>`)}
@@ -34,26 +40,33 @@ export function render() {
 
 const Light = ({ tone }) => html`<i class=${`light ${tone}`} title=${LIGHTS[tone]?.[1]} />`;
 
-// The object in focus: before and after, in numbers and seen from above.
+/**
+ * The object in focus: before and after, in numbers and seen from above.
+ * @param {{ answer: PhysicsAnswer, moment: Moment }} props
+ */
 function Focus({ answer, moment }) {
   const { poses } = answer;
   if (!poses.length) return null;
   const main = poses.at(-1);
+  /** @type {[string, string, (p: PosePhysics) => unknown][]} */
   const rows = [
     ["gap mm", "distance to the nearest surface", (p) => number(p.gap_mm, 1)],
     ["overlap mm", "deepest penetration, and into what", (p) => (p.into ? html`${number(p.depth_mm, 1)} <span class="dim">${p.into}</span>` : "none")],
     ["balance mm", "centre of mass to the edge of the support polygon; negative: outside, it tips over", (p) => (p.margin_mm == null ? "no support" : number(p.margin_mm, 1))],
     ["stable", "whether friction at the contacts can hold it still; contacts deep inside a surface cannot tell", (p) => (p.stable == null ? "unknown" : p.stable ? "yes" : "no")],
-    ["touches", "what it touches", (p) => p.touches?.join(", ") || "nothing"],
+    ["near", "what it touches, or would with the gap closed", (p) => p.touches?.join(", ") || "nothing"],
   ];
   return html`<h3>${moment.object.label}</h3>
     ${poses.map((p) => html`<p class=${`light-words ${p.tone}`}><b>${labelOf(p.name, moment)}</b> ${p.words}</p>`)}
-    <div class="focus"><table class="table"><thead><tr><th class="left"></th>${poses.map((p) => html`<th><${Swatch} color=${STAGE_COLORS[p.name]} />${labelOf(p.name, moment)}</th>`)}</tr></thead>
+    <div class="focus"><table class="table"><thead><tr><th class="left"></th>${poses.map((p) => html`<th><${Swatch} color=${stageColor(p.name)} />${labelOf(p.name, moment)}</th>`)}</tr></thead>
       <tbody>${rows.map(([name, what, cell]) => html`<tr title=${what}><td class="left">${name}</td>${poses.map((p) => html`<td>${cell(p)}</td>`)}</tr>`)}</tbody></table>
       ${main.outline && html`<${FromAbove} pose=${main} label=${labelOf(main.name, moment)} />`}</div>`;
 }
 
-// Outline, contacts, support polygon and centre of mass from above, with a ruler.
+/**
+ * Outline, contacts, support polygon and centre of mass from above, with a ruler.
+ * @param {{ pose: PosePhysics, label: string }} props
+ */
 function FromAbove({ pose, label }) {
   const all = [...pose.outline, ...pose.polygon, pose.com];
   const [xs, ys] = [all.map((p) => p[0]), all.map((p) => p[1])];
@@ -74,7 +87,7 @@ function FromAbove({ pose, label }) {
 }
 
 // The simulated path: what moved, what was touched and how hard; its moments are drawn in 3D.
-let timer = null;
+let timer = null; // while the path is played
 const playing = () => timer != null;
 function stop() {
   clearInterval(timer);
@@ -82,7 +95,7 @@ function stop() {
 }
 function play(n) {
   if (playing()) return stop();
-  if (state.view.moment == null || state.view.moment >= n - 1) setView({ moment: 0 });
+  if (state.view.moment == null || state.view.moment >= n - 1) showMoment(0);
   let shown = state.view.moment ?? 0;
   timer = setInterval(() => {
     if (state.view.moment !== shown || shown >= n - 1) return setView({ moment: state.view.moment ?? shown }), stop();
@@ -93,6 +106,17 @@ function play(n) {
 }
 listen(() => state.view.moment == null && stop());
 
+// A moment of the path is seen with what the object touches then.
+function showMoment(moment) {
+  showLayer("contacts", true);
+  setView({ moment });
+}
+function hideMoment() {
+  showLayer("contacts", false);
+  setView({ moment: null });
+}
+
+/** @param {{ path: SimulatedMotion | null, moment: Moment }} props */
 function Path({ path, moment }) {
   const at = useStore((s) => s.view.moment);
   const [what, setWhat] = useState("moved");
@@ -104,43 +128,45 @@ function Path({ path, moment }) {
   const x = [...Array(path.n).keys()];
   const colors = ["#ff8c00", "#4aa3c7", "#b58ad6", "#8a8a8a"];
   const series = {
-    moved: [{ name: "moved", values: path.moved_mm, color: STAGE_COLORS.simulated }],
-    turned: [{ name: "turned", values: path.turned_deg, color: STAGE_COLORS.simulated }],
+    moved: [{ name: "moved", values: path.moved_mm, color: palette.stages.simulated }],
+    turned: [{ name: "turned", values: path.turned_deg, color: palette.stages.simulated }],
     force: names.map((name, i) => ({ name, color: colors[i % 4], values: x.map((k) => (k ? path.contacts[k - 1].find((c) => c.name === name)?.force_n ?? 0 : null)) })),
   }[what];
   return html`<h3>Simulation of iteration ${path.k}</h3>
     <p>${path.n - 1} step${path.n === 2 ? "" : "s"}: moved ${number(path.moved_mm.at(-1), 1)} mm, turned ${number(path.turned_deg.at(-1), 1)}°. ${path.words}</p>
     <div class="row"><${Button} icon=${playing() ? "pause" : "run"} title="play the simulated path in 3D" onClick=${() => play(path.n)}>${playing() ? "Pause" : "Play"}<//>
-      <input type="range" min="0" max=${path.n - 1} value=${shown} title="moment of the path; the 3D view shows it" onInput=${(e) => setView({ moment: Number(e.currentTarget.value) })} />
+      <input type="range" min="0" max=${path.n - 1} value=${shown} title="moment of the path; the 3D view shows it" onInput=${(e) => showMoment(Number(e.currentTarget.value))} />
       <span class="number">step ${shown} of ${path.n - 1}</span>
-      <${Button} disabled=${at == null} title="draw the path no more" onClick=${() => setView({ moment: null })}>Hide<//></div>
+      <${Button} disabled=${at == null} title="draw the path no more" onClick=${hideMoment}>Hide<//></div>
     ${path.n > 2 && html`<div class="row"><span class="spring" /><${Select} value=${what} options=${[["moved", "moved mm"], ["turned", "turned °"], ["force", "forces N"]]} onChange=${setWhat} /></div>
-      <${Chart} key=${what} series=${series} x=${x} xLabel="step" yLabel=${what} units=${{ moved: "mm", turned: "°", force: "N" }[what]} digits=${1} cursor=${shown} onSeek=${(k) => setView({ moment: Math.max(0, Math.min(path.n - 1, k)) })} height=${9} />`}
-    ${shown > 0 && html`<${Table} rows=${contacts} columns=${[
+      <${Chart} key=${what} series=${series} x=${x} xLabel="step" yLabel=${what} units=${{ moved: "mm", turned: "°", force: "N" }[what]} span=${1} digits=${1} cursor=${shown} onSeek=${(k) => showMoment(Math.max(0, Math.min(path.n - 1, k)))} height=${9} />`}
+    ${shown > 0 && html`<${Table} rows=${contacts} columns=${columnsOf(contacts, [
       { title: `touches at step ${shown}`, left: true, of: (c) => c.name },
       { title: "points", of: (c) => c.n },
       { title: "force N", of: (c) => number(c.force_n, 1) },
       { title: "depth mm", hint: "penetration, positive: overlapping", of: (c) => number(c.depth_mm, 2) },
-    ]} />${contacts.length === 0 && html`<p class="dim">${path.has_contacts
+    ])} />${contacts.length === 0 && html`<p class="dim">${path.has_contacts
       ? `It touches nothing at step ${shown}.` : "This simulator gives no contacts."}</p>`}`}`;
 }
 
+/** @param {{ answer: PhysicsAnswer, moment: Moment }} props */
 function Scene({ answer, moment }) {
   const objects = useStore((s) => s.frame.objects);
   const of = (id) => objects.find((o) => o.id === id) ?? { label: `object ${id}`, color: "#888" };
   if (answer.objects.length < 2 && !answer.overlaps.length) return null;
-  const columns = [
+  const columns = columnsOf(answer.objects, [
     { title: "object", left: true, of: (o) => html`<${Light} tone=${o.tone} /><${Swatch} color=${of(o.obj).color} />${of(o.obj).label}` },
     { title: "gap mm", of: (o) => number(o.gap_mm, 1) },
     { title: "overlap mm", of: (o) => (o.into ? number(o.depth_mm, 1) : "–") },
     { title: "balance mm", hint: "centre of mass to the edge of its support", of: (o) => number(o.margin_mm, 1) },
-  ];
+  ]);
   return html`${answer.objects.length > 1 && html`<h3>All objects, among each other</h3>
       <${Table} columns=${columns} rows=${answer.objects} keyOf=${(o) => o.obj} current=${(o) => o.obj === moment.obj} onRow=${(o) => setView({ obj: o.obj, arm: null })} />
       ${answer.objects.filter((o) => o.tone === "red" || o.tone === "amber").map((o) => html`<p class=${`light-words ${o.tone}`}><b>${of(o.obj).label}</b> ${o.words}</p>`)}`}
     ${answer.overlaps.length > 0 && html`<h3>Overlaps</h3>${answer.overlaps.map((o) => html`<p><${Swatch} color=${of(o.first).color} />${of(o.first).label} lies up to <b>${number(o.depth_mm, 1)} mm</b> in <${Swatch} color=${of(o.second).color} />${of(o.second).label}</p>`)}`}`;
 }
 
+/** @param {{ around: SupportAround | null, branch: number }} props */
 function Around({ around, branch }) {
   if (!around) return null;
   const observed = around.source !== "plane";

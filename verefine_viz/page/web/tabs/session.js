@@ -1,15 +1,21 @@
 // What is open and where it came from; saving it and what was worked out.
-import { html, useState } from "../vendor/htm-preact.js";
+import { html } from "htm/preact";
+import { useState } from "preact/hooks";
 import { send, setView, useStore } from "../store.js";
-import { editWords, momentOf, seek } from "../moment.js";
+import { editWords, momentOf } from "../moment.js";
+import { seek } from "../cursor.js";
+import { savedMaps } from "../wants.js";
 import { Button, Toggle } from "../ui.js";
 import { listOf } from "./setting.js";
 
+/** @import { BranchListed, FrameObject, Save } from "../messages.d.ts" */
+
 export const title = "Session";
 export const hint = "what is open; saving and exporting it";
-export const needs = (s) => Boolean(s.frame);
+export const needs = (/** @type {import("../store.js").State} */ s) => Boolean(s.frame);
 export const empty = "Nothing is open.";
 
+/** @type {[Save["what"], string, string][]} */
 const FILES = [
   ["recording", "Recording", "the run of this branch, for replay and for rerun"],
   ["share", "Page", "this page as one HTML file that opens offline, without the program"],
@@ -26,6 +32,7 @@ export function render() {
   const draft = useStore((s) => s.draft) ?? {};
   const waiting = Object.keys(draft);
   const shown = branches.find((b) => b.index === branch);
+  /** @type {(what: Save["what"], more?: Pick<Save, "poses" | "name" | "replace">) => boolean} */
   const save = (what, more = {}) => send({ verb: "save", what, branch, k: moment.k, obj: moment.obj, ...more });
   const facts = [
     ["scene", frame.dataset && !/^failure_/.test(frame.dataset) ? `${frame.source}: ${frame.dataset}` : frame.source],
@@ -38,7 +45,7 @@ export function render() {
   ].filter(([, value]) => value);
   return html`<div class="tab session">
     <table class="table"><tbody>${facts.map(([key, value]) => html`<tr><td class="left dim">${key}</td><td class="left path">${value}</td></tr>`)}</tbody></table>
-    ${frame.doubts.length > 0 && html`<h3>The data are in doubt</h3>${frame.doubts.map((d) => html`<p class="doubt">${d}</p>`)}`}
+    ${frame.doubts.length > 0 && html`<h3>The data are in doubt</h3>${frame.doubts.map((d) => html`<p class="doubt">${d.text}.</p>`)}`}
     ${frame.notes.length > 0 && html`<h3>Notes on this frame</h3>${frame.notes.map((n) => html`<p>${n}</p>`)}`}
     ${shown?.missing && html`<p class="doubt">${shown.missing}</p>`}
     ${moment.run.notes.map((n) => html`<p class="doubt">${n[0].toUpperCase() + n.slice(1)}.</p>`)}
@@ -49,14 +56,17 @@ export function render() {
       <${Toggle} value=${replace} title="write over a file of that name" onChange=${setReplace}>replace<//></div>
     ${waiting.length > 0 && html`<p class="dim">Not saved, as it is not in use yet: ${listOf(draft)}.</p>`}
     <h3>Export</h3>
-    <div class="row">${FILES.map(([what, words, hint]) => html`<${Button} engine key=${what} title=${hint} onClick=${() => save(what)}>${words}<//>`)}</div>
-    ${written.length > 0 && html`<h3>Written</h3>${written.map((file) => html`<p class="path" key=${file.path}>${file.url ? html`<a href=${file.url} download=${file.name}>${file.name}</a> ` : ""}<span class="dim">${file.path}</span></p>`)}`}
+    <div class="row">${FILES.map(([what, words, hint]) => html`<${Button} engine key=${what} title=${hint} onClick=${() => save(what, what === "maps" ? { poses: savedMaps(moment) } : {})}>${words}<//>`)}</div>
+    ${written.length > 0 && html`<h3>Written</h3>${written.map((file) => html`<p class="path" key=${file.url}>${file.url ? html`<a href=${file.url} download=${file.name}>${file.name}</a> ` : ""}<span class="dim">${file.path}</span></p>`)}`}
   </div>`;
 }
 
-// What the branch does beside its method: poses that were edited, settings that change on the way.
+/**
+ * What the branch does beside its method: poses that were edited, settings that change on the way.
+ * @param {{ branch: BranchListed, objects: FrameObject[] }} props
+ */
 function Beside({ branch, objects }) {
-  const when = (k) => (k ? `after iteration ${k}` : "before iteration 1");
+  const when = (/** @type {number} */ k) => (k ? `after iteration ${k}` : "before iteration 1");
   return html`${branch.edits.length > 0 && html`<h3>Edited poses</h3>
       ${branch.edits.map((edit) => html`<p><button type="button" class="link" title="show it" onClick=${() => { setView({ obj: edit.obj, arm: edit.arm }); seek(edit.k); }}>${
         editWords(edit, objects)}</button> ${when(edit.k)}</p>`)}`}

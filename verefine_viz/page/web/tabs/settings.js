@@ -1,27 +1,22 @@
 // All settings: change some, then restart, fork at the cursor, or run beside; other initial poses by an estimator.
-import { html, useState } from "../vendor/htm-preact.js";
-import { listen, send, state, update, useStore } from "../store.js";
+import { html } from "htm/preact";
+import { useState } from "preact/hooks";
+import { send, state, update, useStore } from "../store.js";
 import { momentOf } from "../moment.js";
-import { Button, Select } from "../ui.js";
+import { Button, IconButton, Select } from "../ui.js";
 import { runBeside } from "./beside.js";
-import { Field, listOf, parsed, settingsOf, shortName, shown } from "./setting.js";
+import { Field, listOf, longName, parsed, sectionOf, settingsOf, shortName, shown } from "./setting.js";
+
+/** @import { FrameMessage } from "../messages.d.ts" */
+/** @import { Moment } from "../moment.js" */
 
 export const title = "Settings";
 export const hint = "settings of the method, the score and physics";
-export const needs = (s) => Boolean(s.frame);
+export const needs = (/** @type {import("../store.js").State} */ s) => Boolean(s.frame);
 export const empty = "Nothing is open.";
 
 const ESTIMATORS = { ppf: "point pair features", pcs: "congruent point sets", densefusion: "DenseFusion", session: "the session's own" };
-const SECTIONS = { icp: "ICP", tricp: "trimmed ICP", densefusion: "DenseFusion", mcts: "tree search", dependency: "order of objects", hypotheses: "initial poses" };
 
-// What was typed and is not in use yet, by name; another frame or start forgets it.
-Object.assign(state, { draft: {} });
-let draftOf = null;
-listen(() => {
-  if (state.frame?.id === draftOf) return;
-  draftOf = state.frame?.id;
-  if (Object.keys(state.draft).length) update({ draft: {} });
-});
 const differs = (setting, value) => value !== setting.value && parsed(setting, String(value)) !== setting.value;
 const edit = (setting, value) => {
   const draft = { ...state.draft, [setting.name]: value };
@@ -42,9 +37,9 @@ export function render() {
   const wrong = Object.values(changes).includes(undefined);
   const fixed = changed.filter((one) => !one.can_fork);
   const words = filter.toLowerCase();
-  const matches = (one) => `${one.name} ${shortName(one.name)} ${one.help}`.toLowerCase().includes(words);
-  const listed = settings.filter((one) => (words ? matches(one) : more || one.common || one.name in draft));
-  const groups = Object.entries(Object.groupBy(listed, (one) => one.name.split(".")[0]));
+  const matches = (one) => `${one.name} ${longName(one.name)} ${one.help}`.toLowerCase().includes(words);
+  const listed = settings.filter((one) => (words ? matches(one) : more || one.common || one.name in draft || one.value !== one.standard));
+  const groups = Object.entries(Object.groupBy(listed, (one) => sectionOf(one.name)));
   const none = changed.length === 0;
   const isEnd = moment.over && moment.k === moment.run.rows.length;
   const forked = isEnd ? "nothing is left to run after the last iteration: go to an earlier one"
@@ -66,9 +61,10 @@ export function render() {
       <p class=${none ? "dim" : ""}>${none ? "Change a setting, then choose what to do with it." : changed.map((one) => html`<span class="change">${shortName(one.name)}: ${shown(one.value)} → <b>${shown(draft[one.name])}</b></span>`)}</p>
     </div>
     <input class="filter" placeholder="filter all ${settings.length} settings" value=${filter} onInput=${(e) => setFilter(e.currentTarget.value)} />
-    ${groups.map(([section, list]) => html`<section key=${section}><h3>${SECTIONS[section] ?? section.replaceAll("_", " ")}</h3>
-      ${list.map((one) => html`<div key=${one.name} class=${`setting-row ${one.name in draft ? "changed" : ""}`} title=${`${one.name}${one.help ? `: ${one.help}` : ""}${one.can_fork ? "" : " (only from the start)"}`}>
-        <label>${shortName(one.name)}</label><${Field} setting=${one} value=${draft[one.name] ?? one.value} onChange=${(value) => edit(one, value)} /></div>`)}
+    ${groups.map(([section, list]) => html`<section key=${section}><h3>${section}</h3>
+      ${list.map((one) => html`<div key=${one.name} class=${`setting-row ${one.name in draft ? "changed" : one.value !== one.standard ? "apart" : ""}`} title=${`${one.name}${one.help ? `: ${one.help}` : ""}${one.can_fork ? "" : " (only from the start)"}`}>
+        <label>${shortName(one.name)}</label><${Field} setting=${one} value=${draft[one.name] ?? one.value} onChange=${(value) => edit(one, value)} />
+        <${Undo} setting=${one} isTyped=${one.name in draft} /></div>`)}
     </section>`)}
     ${!listed.length && html`<p class="dim">No setting is named so.</p>`}
     ${!words && html`<${Button} title=${more ? "list fewer" : "list all"} onClick=${() => setMore(!more)}>${more ? "The common ones only" : `All ${settings.length} settings`}<//>`}
@@ -76,6 +72,17 @@ export function render() {
   </div>`;
 }
 
+/**
+ * Takes back what was typed, or else what the run has otherwise than its preset.
+ * @param {{ setting: import("../messages.d.ts").EditableSetting, isTyped: boolean }} props
+ */
+function Undo({ setting, isTyped }) {
+  if (state.file || (!isTyped && setting.value === setting.standard)) return html`<span />`;
+  const [to, whose] = isTyped ? [setting.value, "the run has"] : [setting.standard, "the preset has"];
+  return html`<${IconButton} icon="undo" title=${`back to ${shown(to)}, which ${whose}`} onClick=${() => edit(setting, to)} />`;
+}
+
+/** @param {{ moment: Moment, frame: FrameMessage, branch: number }} props */
 function Estimate({ moment, frame, branch }) {
   const [by, setBy] = useState("ppf");
   const options = frame.choices.estimators.map((id) => [id, ESTIMATORS[id] ?? id]);

@@ -1,20 +1,38 @@
 // The tree of a tree search: a layer per object, a box per node; built up from the rows, drawn as SVG.
-import { html, useMemo } from "../vendor/htm-preact.js";
+import { html } from "htm/preact";
+import { useMemo } from "preact/hooks";
 import { useStore } from "../store.js";
-import { seek, STAGE_COLORS } from "../moment.js";
+import { seek } from "../cursor.js";
+import { palette } from "../palette.js";
 import { Chart } from "../charts.js";
-import { number, Swatch, Table } from "../ui.js";
+import { columnsOf, counted, number, Swatch, Table } from "../ui.js";
+
+/** @import { IterationRow, SearchNode } from "../messages.d.ts" */
+/** @import { Moment } from "../moment.js" */
+
+/** @typedef {Pick<SearchNode, "obj" | "arm" | "lcp"> & { k: number }} Added  a node as it was added, in iteration k */
+/**
+ * @typedef {Added & { number: number, parent: number, depth: number, visits: number, cost: number, mean: number,
+ *   children: number[] }} TreeNode
+ */
+/** @typedef {NonNullable<ReturnType<typeof treeAt>>} Searched */
 
 const CHEAP = [53, 183, 121];
 const DEAR = [68, 40, 90];
 const INCUMBENT = "#f0c83c";
 const [WIDTH, LAYER, GAP, STRIP, NARROWEST, WITH_VISITS] = [340, 24, 2, 6, 30, 56];
 
-// Nodes by number with visits and costs after iteration k; null where no iteration of the cluster searched.
+/**
+ * Nodes by number with visits and costs after iteration k; null where no iteration of the cluster searched.
+ * @param {IterationRow[]} rows
+ * @param {number} k
+ * @param {number} cluster
+ */
 export function treeAt(rows, k, cluster) {
   const steps = rows.filter((row) => row.k <= k && row.tree && row.tree.cluster === cluster);
   if (!steps.length) return null;
-  const node = (number, parent, depth, rest) => ({ number, parent, depth, visits: 0, cost: 0, children: [], ...rest });
+  /** @type {(number: number, parent: number, depth: number, rest: Added) => TreeNode} */
+  const node = (number, parent, depth, rest) => ({ number, parent, depth, visits: 0, cost: 0, mean: Infinity, children: [], ...rest });
   const nodes = [node(0, -1, 0, { obj: null, arm: null, lcp: 0, k: 0 })];
   let incumbent = { branch: [0], cost: Infinity, k: 0 };
   for (const { k: at, tree } of steps) {
@@ -34,10 +52,13 @@ export function treeAt(rows, k, cluster) {
   return { nodes, steps, branch: last.branch, choices: last.choices ?? [], incumbent };
 }
 
+/** @type {(a: TreeNode, b: TreeNode) => number} */
 const first = (a, b) => b.visits - a.visits || a.mean - b.mean || a.number - b.number;
+/** @type {(tree: Searched, node: TreeNode) => TreeNode[]} */
 const childrenOf = (tree, node) => node.children.map((c) => tree.nodes[c]).sort(first);
 
 // The boxes: what lies on the two ways is always drawn, then what was visited most; the rest is folded by parent.
+/** @param {Searched} tree */
 function boxesOf(tree) {
   const shown = new Set([0, ...tree.branch, ...tree.incumbent.branch]);
   const below = (node) => {
@@ -77,30 +98,34 @@ function boxesOf(tree) {
   return boxes;
 }
 
+/** @type {(tree: Searched, nodes: TreeNode[]) => number} */
 const count = (tree, nodes) => nodes.reduce((n, one) => n + 1 + count(tree, childrenOf(tree, one)), 0);
-const px = (x) => Math.round(x).toLocaleString("en");
+const px = (/** @type {number} */ x) => Math.round(x).toLocaleString("en");
 
+/** @param {{ tree: Searched, moment: Moment }} props */
 export function Tree({ tree, moment }) {
   const objects = useStore((s) => s.frame.objects);
   const boxes = useMemo(() => boxesOf(tree), [tree]);
+  /** @param {number | undefined} id */
   const of = (id) => objects.find((o) => o.id === id) ?? { label: "object", color: "#888" };
   const means = tree.nodes.slice(1).map((n) => n.mean);
   const [low, high] = [Math.min(...means), Math.max(...means)];
-  const color = (mean) => {
+  const color = (/** @type {number} */ mean) => {
     const t = high > low ? (mean - low) / (high - low) : 0;
     return `rgb(${CHEAP.map((c, i) => Math.round(c + (DEAR[i] - c) * t)).join()})`;
   };
   const layers = Math.max(1, ...boxes.map((b) => b.depth));
   const [x, series] = useMemo(() => [tree.steps.map((s) => s.k), [
-    { name: "incumbent", values: tree.steps.map((s) => s.tree.incumbent / 1000), color: STAGE_COLORS.best, kind: "steps" },
-    { name: "this scene", values: tree.steps.map((s) => s.tree.cost / 1000), color: STAGE_COLORS.current, kind: "points" },
+    { name: "incumbent", values: tree.steps.map((s) => s.tree.incumbent / 1000), color: palette.stages.best, kind: "steps" },
+    { name: "this scene", values: tree.steps.map((s) => s.tree.cost / 1000), color: palette.stages.current, kind: "points" },
   ]], [tree]);
-  const named = (n) => `${of(n.obj).label} from hypothesis ${n.arm + 1}`;
+  const named = (/** @type {TreeNode} */ n) => `${of(n.obj).label} from hypothesis ${n.arm + 1}`;
+  /** @param {TreeNode} n */
   const numbers = (n) => `${n.visits} visit${n.visits === 1 ? "" : "s"}, ${px(n.mean)} px per visit, LCP ${number(n.lcp)}`;
   const listed = tree.nodes.slice(1).filter((n) => tree.branch.includes(n.number) || tree.incumbent.branch.includes(n.number) || n.children.length || n.visits > 1)
     .sort((a, b) => a.depth - b.depth || first(a, b)).slice(0, 40);
   return html`
-    <p class="summary">${tree.nodes.length - 1} nodes. The best scene leaves ${px(tree.incumbent.cost)} px unexplained,${" "}
+    <p class="summary">${counted(tree.nodes.length - 1, "node")}. The best scene leaves ${px(tree.incumbent.cost)} px unexplained,${" "}
       <button type="button" class="link" title="go there" onClick=${() => seek(tree.incumbent.k)}>iteration ${tree.incumbent.k}</button>.</p>
     <svg class="tree" viewBox=${`${-STRIP} 0 ${WIDTH + STRIP} ${layers * (LAYER + GAP)}`}>
       ${[...Array(layers).keys()].map((d) => {
@@ -128,10 +153,10 @@ export function Tree({ tree, moment }) {
       ${tree.choices.map((choice, i) => html`<p><b>${of(tree.nodes[tree.branch[i + 1]]?.obj).label}</b> ${choice}</p>`)}`}
     <h3>Cost of the scenes</h3>
     <${Chart} series=${series} x=${x} yLabel="unexplained" units="1000 px" digits=${2} cursor=${moment.k || null} onSeek=${seek} />
-    <${Table} rows=${listed} keyOf=${(n) => n.number} onRow=${(n) => seek(n.k)} current=${(n) => n.number === tree.branch.at(-1)} columns=${[
+    <${Table} rows=${listed} keyOf=${(n) => n.number} onRow=${(n) => seek(n.k)} current=${(n) => n.number === tree.branch.at(-1)} columns=${columnsOf(listed, [
       { title: "node", left: true, of: (n) => html`<span style=${{ paddingLeft: `${0.8 * (n.depth - 1)}rem` }}><${Swatch} color=${of(n.obj).color} />${of(n.obj).label} ${n.arm + 1}</span>` },
       { title: "visits", of: (n) => n.visits },
       { title: "px/visit", hint: "mean cost of the complete scenes below it: pixels that are not explained", of: (n) => px(n.mean) },
       { title: "LCP", hint: "share of the model's points that the segment explains: what was tried first", of: (n) => number(n.lcp) },
-    ]} />`;
+    ])} />`;
 }

@@ -1,0 +1,16 @@
+"""Outcomes of a grasp."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+Verdict = Literal[
+    "success",
+    "slipped",
+    "no contact",
+    "collided with the target",
+    "collided with a neighbour",
+    "collided with the ground",
+    "no collision-free grasp",
+]
+"""How a grasp ends; the last one is never carried out."""

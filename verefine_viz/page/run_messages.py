@@ -1,0 +1,291 @@
+"""What a run did, iteration by iteration, and what came of it. Errors are null without ground truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+from verefine_viz.core.records import EventKind, StageName
+from verefine_viz.page.frame_messages import DoubtShown, InitialPose
+from verefine_viz.page.wire import Message, Part, Pose
+
+MarkTone = Literal["problem", "rejected", "flip", "switched", "best", "edited"]
+AnswerTone = Literal["right", "wrong", "unknown", "doubt", "none"]
+
+
+class ScoredStage(Part, frozen=True):
+    """A pose on the way through an iteration; parts of the score are null where it was not scored."""
+
+    name: StageName
+    score: float | None
+    depth_fit: float | None
+    normal_fit: float | None
+    colour_fit: float | None
+    plausibility: float | None
+    err: float | None
+    """ADD(-S) [mm]."""
+    deg: float | None
+    mm: float | None
+    """Error of the translation."""
+    ms: float
+    T: Pose
+    text: str
+    """What it did, in words."""
+
+
+class BestPose(Part, frozen=True):
+    """The best pose of an object so far."""
+
+    score: float
+    err: float | None
+    deg: float | None
+    mm: float | None
+    arm: int
+    k: int
+    """The iteration that made it; 0 = an initial pose."""
+    stage: StageName
+    T: Pose
+
+
+class ArmChoice(Part, frozen=True):
+    """The bandit's numbers as they were when it chose, over the arms; null where an arm was not played."""
+
+    plays: Sequence[float]
+    mean: Sequence[float | None]
+    bonus: Sequence[float | None]
+    """What makes arms that were played seldom come next."""
+    ucb: Sequence[float | None]
+    """mean + bonus."""
+    reason: str
+
+
+class ArmState(Part, frozen=True):
+    """A hypothesis after an iteration."""
+
+    plays: float
+    mean: float
+    score: float
+    err: float | None
+    T: Pose
+
+
+class PlacedObject(Part, frozen=True):
+    """An object that stood there."""
+
+    obj: int
+    T: Pose
+
+
+class ScenePass(Part, frozen=True):
+    """What closes a pass over the objects of a cluster."""
+
+    number: int
+    score: float
+    """Of the poses of this pass together."""
+    best_known: float
+    """Of each object's best pose so far, together."""
+    reward: float
+    """What the arms that were chosen got."""
+    incumbent: float
+    """The highest of all passes."""
+
+
+class SearchNode(Part, frozen=True):
+    """A node of the search tree."""
+
+    node: int
+    parent: int
+    obj: int
+    arm: int
+    lcp: float
+    """Share of the model's points that the segment explains at the initial pose."""
+
+
+class SearchStep(Part, frozen=True):
+    """What an iteration did to the search tree."""
+
+    cluster: int
+    branch: Sequence[int]
+    """Nodes from the root to the one visited."""
+    node: SearchNode | None
+    """The node that was added."""
+    choices: Sequence[str]
+    """Why each node after the root was chosen, in words."""
+    rollout: Sequence[PlacedObject]
+    """The rest of the scene as it was completed."""
+    cost: float
+    """Pixels of the complete scene that are not explained."""
+    incumbent: float
+    """The lowest cost so far."""
+
+
+class IterationRow(Part, frozen=True):
+    """One iteration."""
+
+    k: int
+    obj: int
+    arm: int
+    n: int
+    """Its number among the iterations of this arm."""
+    own: int
+    """Its number among those of this object."""
+    pass_: int | None
+    cluster: int
+    stages: Sequence[ScoredStage]
+    accepted: StageName
+    best: BestPose
+    """Of this object, after the iteration."""
+    events: Sequence[tuple[EventKind, str]]
+    """[kind, text]."""
+    choice: ArmChoice | None
+    """null where the method does not choose."""
+    arms: Sequence[ArmState]
+    """Of this object, after the iteration."""
+    path: int | None
+    """Number of simulated poses."""
+    placed: Sequence[PlacedObject]
+    """Other objects that stood there."""
+    scene: ScenePass | None
+    tree: SearchStep | None
+    ms: float
+    brief: str
+    text: str
+    """What it did, in a sentence or two."""
+
+
+class Mark(Part, frozen=True):
+    """An iteration that is worth a look, on the timeline."""
+
+    k: int
+    obj: int
+    kind: str
+    text: str
+    tone: MarkTone
+
+
+class RunMessage(Message, frozen=True):
+    """Iterations of a branch, appended to those that a window has; `from` 0 begins again."""
+
+    branch: int
+    from_: int
+    """The first row is iteration `from` + 1."""
+    total: int
+    over: bool
+    missing: str
+    """What a recording lacks, in words; "" where it is whole."""
+    rows: Sequence[IterationRow]
+    start: Mapping[int, Sequence[InitialPose]] | None
+    """By object, initial poses where they differ from the oldest branch's, or are scored otherwise."""
+    marks: Sequence[Mark]
+    """All of the branch so far."""
+    notes: Sequence[str]
+
+
+class FindingShown(Part, frozen=True):
+    """One thing that had a part in an answer that is wrong, missing or in doubt."""
+
+    cause: str
+    title: str
+    text: str
+    k: int | None
+    """The iteration to look at; 0 = before the first."""
+    advice: str
+    try_: Mapping[str, float] | None
+    """Settings that may help, by dotted name."""
+    by_batch: bool
+    """Whether it is the batch's, which made re-runs."""
+    numbers: Mapping[str, float]
+    """The evidence, as of its cause (docs/causes.md); errors are ADD(-S) as a share of the diameter."""
+    tab: str = ""
+    """The tab whose picture of the answer shows it."""
+    tab_there: str = ""
+    """The tab that shows it at its iteration."""
+
+
+class RunnerUpPose(Part, frozen=True):
+    """The best pose of another hypothesis."""
+
+    arm: int
+    lead: float
+    """How much less it scores."""
+    apart_mm: float
+    T: Pose
+
+
+class AllowedByImage(Part, frozen=True):
+    """Poses that stand for all that the image cannot tell from an answer."""
+
+    poses: Sequence[Pose]
+    """At most 12: spread along the least certain motion, then those that look alike."""
+    words: str
+    """The least certain motion, in words."""
+    unasked: bool
+    """Whether they are drawn until they are hidden: the observation cannot tell, or a turn is undetermined by far."""
+
+
+class RefinerRange(Part, frozen=True):
+    """How far from ground truth a learned refiner was trained to begin, and how far the initial poses are."""
+
+    deg: float
+    mm: float
+    """For an object of this size."""
+    starts: Sequence[tuple[float, float]]
+    """Turn [°] and shift of the object's middle [mm] of each initial pose."""
+
+
+class JudgedObject(Part, frozen=True):
+    """What came of one object; without an answer all that belongs to one is null."""
+
+    obj: int
+    label: str
+    tone: AnswerTone
+    words: str
+    limit: float
+    """Up to this error an answer is right [mm]: 10 % of the diameter."""
+    findings: Sequence[FindingShown]
+    score: float | None = None
+    gt_score: float | None = None
+    err: float | None = None
+    """ADD(-S) [mm]."""
+    deg: float | None = None
+    mm: float | None = None
+    """Error of the translation."""
+    way: str | None = None
+    """What the error of the rotation is, in words: tilt or turn on the table."""
+    k: int | None = None
+    arm: int | None = None
+    stage: StageName | None = None
+    T: Pose | None = None
+    runner_up: RunnerUpPose | None = None
+    also_fits: Pose | None = None
+    """A pose elsewhere that explains the image equally well."""
+    allowed: AllowedByImage | None = None
+    """null before the score around the answer is known, and where nothing that looks otherwise is allowed."""
+    trained: RefinerRange | None = None
+    """null where it is unknown, or ground truth is."""
+
+
+class JudgedScene(Part, frozen=True):
+    """What came of all objects together."""
+
+    tone: AnswerTone
+    words: str
+    worst: int | None
+    """The object to look at first."""
+    right: int
+    known: int
+    """Objects with ground truth."""
+
+
+class VerdictMessage(Message, frozen=True):
+    """What came of a run that is over, and why; sent again when physics or the score around the answers are known."""
+
+    branch: int
+    over: bool
+    missing: str
+    """What a recording lacks, in words."""
+    objects: Sequence[JudgedObject]
+    scene: JudgedScene
+    doubts: Sequence[DoubtShown]
+    notes: Sequence[str]
+    """What makes physics doubtful."""

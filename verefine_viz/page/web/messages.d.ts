@@ -1,0 +1,2059 @@
+// Written by `make messages` from verefine_viz/page/messages.py and protocol.py: change those.
+
+/** T_cam_obj, 16 numbers by rows [m]. */
+export type Pose = number[];
+
+export type AnyMessage =
+  | HelloMessage
+  | FileMessage
+  | FrameMessage
+  | BranchesMessage
+  | RunMessage
+  | VerdictMessage
+  | ReadyMessage
+  | DoubtsMessage
+  | BusyMessage
+  | RunningMessage
+  | NoteMessage
+  | ErrorMessage
+  | WrittenMessage
+  | EditedMessage
+  | PickedMessage
+  | Scene3DMessage
+  | ViewMessage
+  | BreakpointsMessage
+  | AnswerMessage
+  | AnswersMessage
+  | ReportMessage
+  | LabelsMessage;
+
+/** The first after a connection; a page that meets another version reloads itself. */
+export interface HelloMessage {
+  t: "hello";
+  /** Number of this window; 0 in a file. */
+  window: number;
+  version: string;
+  palette: Palette;
+  /** Below this share of the diameter a pose is right. */
+  correct: number;
+}
+
+/** Colours by what they mean; `core/palette.py` says more of each. */
+export interface Palette {
+  /** Of poses, by stage. */
+  stages: Record<string, string>;
+  /** What the stages are, in words. */
+  meanings: Record<string, string>;
+  /** Of marks, by tone. */
+  marks: Record<string, string>;
+  /** In the order of their numbers, from 1. */
+  classes: PixelClass[];
+  /** Two runs that are compared, in pictures. */
+  sides: Record<string, string>;
+  /** These runs in charts. */
+  side_lines: Record<string, string>;
+  scene: Record<string, string>;
+  /** The axes x, y and z of a pose. */
+  axes: [string, string, string];
+  grasps: Record<string, string>;
+  motions: Record<string, string>;
+  causes: string[];
+  runs: string[];
+  times: Record<string, string>;
+  /** Hue [°], saturation and lightness [%] of the lowest and the highest hypothesis, by theme. */
+  ranks: Record<string, [[number, number, number], [number, number, number]]>;
+  scales: Record<string, [number, number, number][]>;
+  /** A pixel without a value. */
+  empty: string;
+}
+
+/** What became of a pixel in the score. */
+export interface PixelClass {
+  name: string;
+  color: string;
+  words: string;
+}
+
+/** Of a page as a file: what it holds. */
+export interface FileMessage {
+  t: "file";
+  /** Opens the same in the program. */
+  command: string;
+  /** Which iterations have score maps. */
+  maps: "all" | "end" | "marked";
+  /** Whether it has the 3D view. */
+  scene: boolean;
+}
+
+/** What is open; sent again when another frame or session is opened, and then all that the page knew is void. */
+export interface FrameMessage {
+  t: "frame";
+  /** Another one each time something is opened. */
+  id: number;
+  title: string;
+  /** As `scene/image`, such as 50/1. */
+  frame: string;
+  /** All of the session. */
+  frames: string[];
+  source: string;
+  /** A folder, or the name of the built-in scene. */
+  dataset: string;
+  /** The batch run that is open; "" = none. */
+  run: string;
+  preset: string;
+  method: string;
+  method_label: string;
+  refiner: string;
+  /** The threshold of the depth fit. */
+  tau_m: number;
+  colour_weight: number;
+  camera: Camera;
+  /** Blob of the photo. */
+  rgb: string | null;
+  /** Blob of float32 h×w [m], 0 = not measured. */
+  depth: string;
+  /** Blob of uint8 h×w×3, the photo as the colour term sees it; null where no model has colours. */
+  smoothed: string | null;
+  /** In the order to solve them, those left out last. */
+  objects: FrameObject[];
+  support: SupportPlane | null;
+  order: SolvingOrder | null;
+  notes: string[];
+  /** Empty where they are not known yet; `doubts` brings them. */
+  doubts: DoubtShown[];
+  /** Settings with which nothing of the data is put right, by dotted name; none where nothing is. */
+  as_read: Record<string, unknown>;
+  session_file: string | null;
+  recording: string | null;
+  /** Built-in scenes that can be opened. */
+  demos: string[];
+  sessions: TitledSession[];
+  breakpoints: BreakpointSettings;
+  choices: Choices;
+}
+
+/** The pinhole camera of the frame. */
+export interface Camera {
+  /** Pixels across. */
+  w: number;
+  h: number;
+  /** The intrinsic matrix by rows. */
+  K: [number, number, number, number, number, number, number, number, number];
+}
+
+/** An instance of the frame; one that is left out has neither mask nor poses. */
+export interface FrameObject {
+  /** null of one that is left out and has none. */
+  id: number | null;
+  obj_id: number;
+  label: string;
+  color: string;
+  /** Which of the groups of `order` it is in, from 1; 0 = left out. */
+  cluster: number;
+  diameter_mm: number | null;
+  symmetric: boolean;
+  has_gt: boolean;
+  gt: Pose | null;
+  /** Score of the ground-truth pose. */
+  gt_score: number | null;
+  /** Share that is not hidden, 0 to 1, where the data set gives it. */
+  visible: number | null;
+  /** [u0, v0, u1, v1] of the mask, u1 and v1 beyond it. */
+  box: [number, number, number, number] | null;
+  mask: number[][];
+  arms: InitialPose[];
+  /** Steps that another program recorded. */
+  recorded: number;
+  /** Why it is not solved; "" where it is. */
+  left_out: string;
+}
+
+/** A pose with which a hypothesis begins; errors are null without ground truth. */
+export interface InitialPose {
+  T: Pose;
+  score: number;
+  /** ADD(-S) [mm]. */
+  err: number | null;
+  deg: number | null;
+  /** Error of the translation. */
+  mm: number | null;
+  plays: number;
+  /** Mean reward that the hypothesis begins with. */
+  mean: number;
+  /** Where it comes from: an estimator, a results file, disturbed ground truth. */
+  source: string;
+  /** What its source says of it, in a scale of its own. */
+  confidence: number | null;
+}
+
+/** The plane that objects stand on. */
+export interface SupportPlane {
+  /** Where gravity comes from: plane, world or given. */
+  source: string;
+  inlier_share: number;
+  rms_mm: number;
+  /** Between its normal and gravity. */
+  tilt_deg: number;
+  /** Numbers of the unknown objects that stand around. */
+  unknown: number[];
+  /** Of the part that was seen, in the image. */
+  outline: number[];
+  /** Blob of uint8 h×w, 1 = a pixel of the background that lies on it. */
+  inliers: string;
+}
+
+/** In which order objects are solved, and why. */
+export interface SolvingOrder {
+  /** Instances that are solved together, each group in its order. */
+  clusters: number[][];
+  /** The rule: recommended, published or given. */
+  source: string;
+  notes: string[];
+  edges: OrderEdge[];
+}
+
+/** Two instances that depend on each other. */
+export interface OrderEdge {
+  /** contact: they may touch. occlusion: `first` hides part of `second`. support: `first` supports `second`. */
+  kind: "contact" | "occlusion" | "support";
+  first: number;
+  second: number;
+  strength: number;
+  /** In words, with numbers. */
+  evidence: string;
+  /** ambiguous: left out of the order, as part of a cycle. cut: left out by the user or the setting. */
+  state: "ambiguous" | "cut" | "used";
+}
+
+/** What of the frame's data does not fit together. */
+export interface DoubtShown {
+  kind: string;
+  /** For a badge. */
+  title: string;
+  /** What was seen and what to check. */
+  text: string;
+  /** The objects that show it; empty: the whole frame. */
+  objs: number[];
+  /** What shows it in the image: poses, edges, depth; scene: nothing there, but in 3D. */
+  picture: string;
+  /** Settings by dotted name with which a restart puts the data right; null where none do. */
+  put_right: Record<string, unknown> | null;
+}
+
+/** A session file that lies at hand. */
+export interface TitledSession {
+  path: string;
+  title: string;
+  /** The built-in scene that it is about; "" where it is another. */
+  demo: string;
+}
+
+/** When a running method should stop and wait; unset = never. */
+export interface BreakpointSettings {
+  /** The accepted score is lower than the arm's previous one by more than this [score]. */
+  score_falls_by: number | null;
+  /** The accepted pose moved further than this [mm]. */
+  jump_mm: number | null;
+  /** The accepted pose turned further than this [deg]. */
+  jump_deg: number | null;
+  /** ADD(-S) of the accepted pose against ground truth grew by more than this [mm]. */
+  error_grows_by_mm: number | null;
+  /** The refined pose was accepted instead of the simulated one, by however little: the usual case. */
+  simulated_rejected: boolean;
+  /** The simulated pose was accepted instead of the refined one. */
+  refined_rejected: boolean;
+  /** The bandit chose another hypothesis than before. */
+  arm_switched: boolean;
+  /** The object touches something and would tip: its centre of mass is outside its support after the simulation. */
+  unstable: boolean;
+  /** The simulated pose scores at least 0.2 less than the pose it began with. */
+  physics_worse: boolean;
+  /** A pose rendered to nothing, or its score was not a number. */
+  empty_render: boolean;
+  /** Thresholds of breakpoints that are off, for when they are switched on: the page saves them. */
+  waiting: ThresholdSettings;
+}
+
+/** Breakpoints with a threshold; unset = never. */
+export interface ThresholdSettings {
+  /** The accepted score is lower than the arm's previous one by more than this [score]. */
+  score_falls_by: number | null;
+  /** The accepted pose moved further than this [mm]. */
+  jump_mm: number | null;
+  /** The accepted pose turned further than this [deg]. */
+  jump_deg: number | null;
+  /** ADD(-S) of the accepted pose against ground truth grew by more than this [mm]. */
+  error_grows_by_mm: number | null;
+}
+
+/** What can be chosen. */
+export interface Choices {
+  methods: MethodChoice[];
+  refiners: string[];
+  presets: string[];
+  estimators: string[];
+  /** Those changed most first. */
+  settings: EditableSetting[];
+}
+
+/** A method that can be chosen. */
+export interface MethodChoice {
+  name: string;
+  label: string;
+  /** Whether it accepts the best pose, rather than the last. */
+  verifies: boolean;
+}
+
+/** A setting that a run can be restarted with. */
+export interface EditableSetting {
+  /** Dotted, as in a session file. */
+  name: string;
+  kind: "bool" | "choice" | "float" | "int" | "text";
+  value: boolean | number | string;
+  /** What the preset has. */
+  standard: boolean | number | string;
+  choices: (boolean | number | string)[] | null;
+  /** Whether it is one of those that are changed most. */
+  common: boolean;
+  /** Whether it may change during a run. */
+  can_fork: boolean;
+  help: string;
+}
+
+/** Which branches there are, the oldest first. */
+export interface BranchesMessage {
+  t: "branches";
+  list: BranchListed[];
+  compare: ComparedBranches | null;
+}
+
+/** One run of the frame. */
+export interface BranchListed {
+  index: number;
+  name: string;
+  parent: number | null;
+  /** The iteration of the parent after which it leaves it. */
+  from: number;
+  /** Iterations after which other settings of the score hold, from 0. */
+  scored: number[];
+  recording: string | null;
+  /** What its recording lacks, in words; "" where it is whole. */
+  missing: string;
+  /** Iterations that are there. */
+  done: number;
+  /** Iterations when it is over. */
+  total: number;
+  over: boolean;
+  method: string;
+  /** Whether its refiner can show what it saw. */
+  explains: boolean;
+  /** Those that differ from the first branch's, by dotted name. */
+  settings: Record<string, unknown>;
+  changes: SettingsChange[];
+  edits: MovedPose[];
+  /** Edits of other frames, in words. */
+  elsewhere: string[];
+}
+
+/** Settings that changed on the way. */
+export interface SettingsChange {
+  /** They hold after this iteration. */
+  k: number;
+  /** Values by dotted name. */
+  settings: Record<string, unknown>;
+}
+
+/** A pose that was edited, and how far it is from the hypothesis's initial pose. */
+export interface MovedPose {
+  k: number;
+  obj: number;
+  arm: number;
+  T: Pose;
+  mm: number | null;
+  deg: number | null;
+}
+
+/** Two branches side by side. */
+export interface ComparedBranches {
+  a: number;
+  b: number;
+}
+
+/** Iterations of a branch, appended to those that a window has; `from` 0 begins again. */
+export interface RunMessage {
+  t: "run";
+  branch: number;
+  /** The first row is iteration `from` + 1. */
+  from: number;
+  total: number;
+  over: boolean;
+  /** What a recording lacks, in words; "" where it is whole. */
+  missing: string;
+  rows: IterationRow[];
+  /** By object, initial poses where they differ from the oldest branch's, or are scored otherwise. */
+  start: Record<string, InitialPose[]> | null;
+  /** All of the branch so far. */
+  marks: Mark[];
+  notes: string[];
+}
+
+/** One iteration. */
+export interface IterationRow {
+  k: number;
+  obj: number;
+  arm: number;
+  /** Its number among the iterations of this arm. */
+  n: number;
+  /** Its number among those of this object. */
+  own: number;
+  pass: number | null;
+  cluster: number;
+  stages: ScoredStage[];
+  accepted: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated";
+  /** Of this object, after the iteration. */
+  best: BestPose;
+  /** [kind, text]. */
+  events: (["arm_switched" | "edited" | "empty_render" | "flipped" | "kept_refined" | "kept_simulated" | "nan_score" | "new_best" | "new_best_scene" | "no_physics" | "physics_worse" | "refiner_stuck" | "score_fell" | "unstable", string])[];
+  /** null where the method does not choose. */
+  choice: ArmChoice | null;
+  /** Of this object, after the iteration. */
+  arms: ArmState[];
+  /** Number of simulated poses. */
+  path: number | null;
+  /** Other objects that stood there. */
+  placed: PlacedObject[];
+  scene: ScenePass | null;
+  tree: SearchStep | null;
+  ms: number;
+  brief: string;
+  /** What it did, in a sentence or two. */
+  text: string;
+}
+
+/** A pose on the way through an iteration; parts of the score are null where it was not scored. */
+export interface ScoredStage {
+  name: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated";
+  score: number | null;
+  depth_fit: number | null;
+  normal_fit: number | null;
+  colour_fit: number | null;
+  plausibility: number | null;
+  /** ADD(-S) [mm]. */
+  err: number | null;
+  deg: number | null;
+  /** Error of the translation. */
+  mm: number | null;
+  ms: number;
+  T: Pose;
+  /** What it did, in words. */
+  text: string;
+}
+
+/** The best pose of an object so far. */
+export interface BestPose {
+  score: number;
+  err: number | null;
+  deg: number | null;
+  mm: number | null;
+  arm: number;
+  /** The iteration that made it; 0 = an initial pose. */
+  k: number;
+  stage: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated";
+  T: Pose;
+}
+
+/** The bandit's numbers as they were when it chose, over the arms; null where an arm was not played. */
+export interface ArmChoice {
+  plays: number[];
+  mean: (number | null)[];
+  /** What makes arms that were played seldom come next. */
+  bonus: (number | null)[];
+  /** mean + bonus. */
+  ucb: (number | null)[];
+  reason: string;
+}
+
+/** A hypothesis after an iteration. */
+export interface ArmState {
+  plays: number;
+  mean: number;
+  score: number;
+  err: number | null;
+  T: Pose;
+}
+
+/** An object that stood there. */
+export interface PlacedObject {
+  obj: number;
+  T: Pose;
+}
+
+/** What closes a pass over the objects of a cluster. */
+export interface ScenePass {
+  number: number;
+  /** Of the poses of this pass together. */
+  score: number;
+  /** Of each object's best pose so far, together. */
+  best_known: number;
+  /** What the arms that were chosen got. */
+  reward: number;
+  /** The highest of all passes. */
+  incumbent: number;
+}
+
+/** What an iteration did to the search tree. */
+export interface SearchStep {
+  cluster: number;
+  /** Nodes from the root to the one visited. */
+  branch: number[];
+  /** The node that was added. */
+  node: SearchNode | null;
+  /** Why each node after the root was chosen, in words. */
+  choices: string[];
+  /** The rest of the scene as it was completed. */
+  rollout: PlacedObject[];
+  /** Pixels of the complete scene that are not explained. */
+  cost: number;
+  /** The lowest cost so far. */
+  incumbent: number;
+}
+
+/** A node of the search tree. */
+export interface SearchNode {
+  node: number;
+  parent: number;
+  obj: number;
+  arm: number;
+  /** Share of the model's points that the segment explains at the initial pose. */
+  lcp: number;
+}
+
+/** An iteration that is worth a look, on the timeline. */
+export interface Mark {
+  k: number;
+  obj: number;
+  kind: string;
+  text: string;
+  tone: "best" | "edited" | "flip" | "problem" | "rejected" | "switched";
+}
+
+/** What came of a run that is over, and why; sent again when physics or the score around the answers are known. */
+export interface VerdictMessage {
+  t: "verdict";
+  branch: number;
+  over: boolean;
+  /** What a recording lacks, in words. */
+  missing: string;
+  objects: JudgedObject[];
+  scene: JudgedScene;
+  doubts: DoubtShown[];
+  /** What makes physics doubtful. */
+  notes: string[];
+}
+
+/** What came of one object; without an answer all that belongs to one is null. */
+export interface JudgedObject {
+  obj: number;
+  label: string;
+  tone: "doubt" | "none" | "right" | "unknown" | "wrong";
+  words: string;
+  /** Up to this error an answer is right [mm]: 10 % of the diameter. */
+  limit: number;
+  findings: FindingShown[];
+  score: number | null;
+  gt_score: number | null;
+  /** ADD(-S) [mm]. */
+  err: number | null;
+  deg: number | null;
+  /** Error of the translation. */
+  mm: number | null;
+  /** What the error of the rotation is, in words: tilt or turn on the table. */
+  way: string | null;
+  k: number | null;
+  arm: number | null;
+  stage: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated" | null;
+  T: Pose | null;
+  runner_up: RunnerUpPose | null;
+  /** A pose elsewhere that explains the image equally well. */
+  also_fits: Pose | null;
+  /** null before the score around the answer is known, and where nothing that looks otherwise is allowed. */
+  allowed: AllowedByImage | null;
+  /** null where it is unknown, or ground truth is. */
+  trained: RefinerRange | null;
+}
+
+/** One thing that had a part in an answer that is wrong, missing or in doubt. */
+export interface FindingShown {
+  cause: string;
+  title: string;
+  text: string;
+  /** The iteration to look at; 0 = before the first. */
+  k: number | null;
+  advice: string;
+  /** Settings that may help, by dotted name. */
+  try: Record<string, number> | null;
+  /** Whether it is the batch's, which made re-runs. */
+  by_batch: boolean;
+  /** The evidence, as of its cause (docs/causes.md); errors are ADD(-S) as a share of the diameter. */
+  numbers: Record<string, number>;
+  /** The tab whose picture of the answer shows it. */
+  tab: string;
+  /** The tab that shows it at its iteration. */
+  tab_there: string;
+}
+
+/** The best pose of another hypothesis. */
+export interface RunnerUpPose {
+  arm: number;
+  /** How much less it scores. */
+  lead: number;
+  apart_mm: number;
+  T: Pose;
+}
+
+/** Poses that stand for all that the image cannot tell from an answer. */
+export interface AllowedByImage {
+  /** At most 12: spread along the least certain motion, then those that look alike. */
+  poses: Pose[];
+  /** The least certain motion, in words. */
+  words: string;
+  /** Whether they are drawn until they are hidden: the observation cannot tell, or a turn is undetermined by far. */
+  unasked: boolean;
+}
+
+/** How far from ground truth a learned refiner was trained to begin, and how far the initial poses are. */
+export interface RefinerRange {
+  deg: number;
+  /** For an object of this size. */
+  mm: number;
+  /** Turn [°] and shift of the object's middle [mm] of each initial pose. */
+  starts: [number, number][];
+}
+
+/** What came of all objects together. */
+export interface JudgedScene {
+  tone: "doubt" | "none" | "right" | "unknown" | "wrong";
+  words: string;
+  /** The object to look at first. */
+  worst: number | null;
+  right: number;
+  /** Objects with ground truth. */
+  known: number;
+}
+
+/** All that is known has been sent. */
+export interface ReadyMessage {
+  t: "ready";
+}
+
+/** What of the open frame's data does not fit together, once that is known. */
+export interface DoubtsMessage {
+  t: "doubts";
+  doubts: DoubtShown[];
+}
+
+/** What takes long. */
+export interface BusyMessage {
+  t: "busy";
+  /** "" = nothing does. */
+  text: string;
+  /** How much is done, 0 to 1. */
+  share: number | null;
+  /** Whether it can be given up. */
+  cancel: boolean;
+  /** Whether `open` with `hulls` alone begins what is being opened again with hulls. */
+  hulls: boolean;
+  /** Blob of the photo of what is being opened. */
+  picture: string | null;
+}
+
+/** Which branches are computed. */
+export interface RunningMessage {
+  t: "running";
+  /** Whose turn it is. */
+  branch: number | null;
+  branches: number[];
+  /** The breakpoint at which a run stopped last. */
+  stopped: string;
+  remaining_s: number | null;
+}
+
+/** A few words. */
+export interface NoteMessage {
+  t: "note";
+  text: string;
+}
+
+/** What went wrong; everything is as before. */
+export interface ErrorMessage {
+  t: "error";
+  text: string;
+  offer: OfferedVerb | null;
+}
+
+/** What a button does all the same. */
+export interface OfferedVerb {
+  words: string;
+  verb: AnyVerb;
+}
+
+/** What a window shows; the 3D view follows the window used last, and draws what it names. */
+export interface Look {
+  verb: "look";
+  branch?: number;
+  /** Iteration by whose settings poses are scored. */
+  k?: number;
+  /** The object in focus; None = there is none: the frame is drawn. */
+  obj?: number | null;
+  draw?: DrawnPose[];
+  /** Of the object in focus. */
+  hypotheses?: DrawnHypothesis[];
+  /** The hypothesis that is drawn more clearly. */
+  arm?: number;
+  /** Poses of the object in focus that the image allows. */
+  allowed?: Pose[];
+  /** Poses of the object in focus whose axes are drawn. */
+  axes?: Pose[];
+  path?: PathMoment | null;
+  grasp?: Grasp | null;
+  /** Where to take the 3D view's camera. */
+  camera?: "first" | "object" | "sensor" | null;
+  scene?: SceneLook;
+  /** Its ray and what it sees are drawn. */
+  pixel?: [number, number] | null;
+  ruler?: [[number, number], [number, number]] | null;
+}
+
+/** An object as the 3D view draws it at a pose: `[obj, T, role, opacity]`. */
+export type DrawnPose = [obj: number, T: Pose, role: string, opacity: number];
+
+/** A hypothesis of the object in focus as a ghost in the 3D view: `[T, share]`. */
+export type DrawnHypothesis = [T: Pose, share: number];
+
+/** The simulated path of an iteration, and which of its moments is drawn. */
+export interface PathMoment {
+  k: number;
+  /** None = the path is not drawn, only the contacts at its end. */
+  moment?: number | null;
+}
+
+/** The grasp that is drawn: at which pose, by which of the two, and which of its moments. */
+export interface Grasp {
+  T: Pose;
+  by?: "pose" | "truth";
+  moment?: number;
+}
+
+/** What of a frame the 3D view shows beside poses, and how. */
+export interface SceneLook {
+  hidden?: ("cloud" | "contacts" | "gravity" | "other objects" | "overlaps" | "own colours" | "photo" | "plane")[];
+  cloud?: "class" | "distance to model" | "normals" | "photo";
+  /** Side of the box around the object in focus outside of which nothing is shown [diameters]; 4 = everything is. */
+  box?: number;
+  /** Share of the object in focus that is cut away, from the front. */
+  cut?: number;
+  gizmo_px?: number;
+  text_px?: number;
+}
+
+/** Compute one more iteration at the end of a branch. */
+export interface Step {
+  verb: "step";
+  branch?: number;
+}
+
+/** Compute a branch on until it holds k iterations, breakpoints or not. */
+export interface Seek {
+  verb: "seek";
+  k: number;
+  branch?: number;
+}
+
+/** Compute a branch on to its end, or to the next event; breakpoints stop both. */
+export interface RunVerb {
+  verb: "run";
+  branch?: number;
+  until?: "end" | "event";
+}
+
+/** Stop computing after the iteration at hand. */
+export interface Pause {
+  verb: "pause";
+}
+
+/** Give up what takes long, with everything as it was before. */
+export interface Cancel {
+  verb: "cancel";
+}
+
+/** Begin the first run again with changed settings; the frame's branches are discarded. */
+export interface Restart {
+  verb: "restart";
+  branch?: number;
+  changes?: Record<string, unknown>;
+  /** Whether other branches, and poses that were edited, may be lost. */
+  discard?: boolean;
+  /** Whether it then runs to its end. */
+  run?: boolean;
+}
+
+/** Leave a branch after iteration k with changed settings, or from an edited pose. */
+export interface Fork {
+  verb: "fork";
+  k: number;
+  branch?: number;
+  changes?: Record<string, unknown>;
+  edit?: EditedPose | null;
+  run?: boolean;
+}
+
+/** A pose that takes the place of a hypothesis's current one. */
+export interface EditedPose {
+  obj: number;
+  arm: number;
+  T: Pose;
+}
+
+/** Begin a branch in which a pose is the only hypothesis of its object; others begin where they stand. */
+export interface Refine {
+  verb: "refine";
+  obj: number;
+  T: Pose;
+  /** The iteration after which the other objects are taken. */
+  k: number;
+  branch?: number;
+  run?: boolean;
+}
+
+/** Open something else; one of the fields says what. */
+export interface Open {
+  verb: "open";
+  frame?: string;
+  demo?: string;
+  session?: string;
+  recording?: string;
+  /** Folder of a batch, or of several. */
+  batch?: string;
+  link?: string;
+  answer?: number | null;
+  /** The frames of the open session, to be labelled. */
+  label?: boolean;
+  /** Whether physics takes every model for its convex hull, so that nothing has to be decomposed. */
+  hulls?: boolean;
+}
+
+/** New initial poses of one object, as a new branch. */
+export interface Estimate {
+  verb: "estimate";
+  obj: number;
+  /** Its name; "session": as the session has it. */
+  estimator: string;
+  branch?: number;
+}
+
+/** Name a branch, or remove it. */
+export interface BranchVerb {
+  verb: "branch";
+  index: number;
+  name?: string;
+  remove?: boolean;
+}
+
+/** Put a run beside branch `a`: another branch, a run from the start with changed settings, or a recording. */
+export interface Compare {
+  verb: "compare";
+  a?: number;
+  b?: number | null;
+  changes?: Record<string, unknown> | null;
+  recording?: string;
+  run?: boolean;
+  stop?: boolean;
+}
+
+/** Change when a run stops and waits. */
+export interface Break {
+  verb: "break";
+  changes: Record<string, unknown>;
+}
+
+/** Change the order in which objects are solved, or what is in their way; one of the fields says what. */
+export interface Order {
+  verb: "order";
+  branch?: number;
+  /** (first, second, cut): whether what is seen between two instances counts no more. */
+  cut?: [number, number, boolean] | null;
+  /** (instance, −1 or 1). */
+  move?: [number, number] | null;
+  /** (number of an unknown object, whether it stops nothing). */
+  drop?: [number, boolean] | null;
+  reset?: boolean;
+  /** As of `Restart`. */
+  discard?: boolean;
+}
+
+/** Compute something that takes long and send it as the answer `id`. */
+export interface Evaluate {
+  verb: "evaluate";
+  id: string;
+  what: "grasp";
+  obj: number;
+  T: Pose;
+  branch?: number;
+  k?: number;
+}
+
+/** Ask for what is needed to show something; of one slot the latest wins. */
+export interface Want {
+  verb: "want";
+  id: string;
+  of: AnyWant;
+  slot?: string;
+}
+
+/** The score of a pose, or of several together, pixel by pixel. */
+export interface MapsWanted {
+  what: "maps";
+  branch?: number;
+  k?: number;
+  obj?: number | null;
+  T?: Pose | null;
+  poses?: [number, Pose][];
+}
+
+/** The outlines of a model in the image at some poses. */
+export interface OutlinesWanted {
+  what: "outlines";
+  obj: number;
+  poses: Pose[];
+}
+
+/** What shows a doubt about the data in the image. */
+export interface DoubtWanted {
+  what: "doubt";
+  /** In the list of the frame or the verdict. */
+  index: number;
+  branch?: number;
+}
+
+/** A model as it would look at a pose. */
+export interface ShadedWanted {
+  what: "shaded";
+  obj: number;
+  T: Pose;
+}
+
+/** Whether objects can stand where they are, and what the simulation did. */
+export interface PhysicsWanted {
+  what: "physics";
+  /** The object in focus. */
+  obj: number;
+  branch?: number;
+  /** Iteration by whose settings it is worked out. */
+  k?: number;
+  /** Poses of the focus that are looked at more closely, by name: before and after. */
+  poses?: [string, Pose][];
+  stands?: Standing[];
+  /** Whether the focus alone is asked about, among the others where they stand. */
+  alone?: boolean;
+  /** Iteration whose simulated path is shown. */
+  path?: number | null;
+}
+
+/** An object where it stands: `[obj, T, waits]`. */
+export type Standing = [obj: number, T: Pose, waits: boolean];
+
+/** What was measured at a pixel, and how far it is from the objects where they stand. */
+export interface PointWanted {
+  what: "point";
+  pixel: [number, number];
+  branch?: number;
+  stands?: Standing[];
+}
+
+/** Where refining a pose from here ends: refined, settled and verified among the objects where they stand. */
+export interface RefinedWanted {
+  what: "refined";
+  obj: number;
+  T: Pose;
+  branch?: number;
+  stands?: Standing[];
+}
+
+/** The score around a pose of an object. */
+export interface LandscapeWanted {
+  what: "landscape";
+  obj: number;
+  T: Pose;
+  branch?: number;
+  k?: number;
+  /** Curves along all axes, the map over two of them, or what fits as well. */
+  part?: "curves" | "other" | "slice";
+  /** Axes of the map: across and up. */
+  axes?: [number, number];
+}
+
+/** Two branches side by side, iteration by iteration. */
+export interface ComparisonWanted {
+  what: "compare";
+  a: number;
+  b: number;
+  /** Iterations of both: a browser asks again when there are more. */
+  done?: [number, number];
+}
+
+/** What a learned refiner saw in an iteration. */
+export interface CropsWanted {
+  what: "crops";
+  k: number;
+  branch?: number;
+}
+
+/** An object over the frames of a sequence. */
+export interface TrackWanted {
+  what: "track";
+  obj: number;
+  /** Whether the open frame is solved: a browser asks again when it is. */
+  done?: boolean;
+}
+
+/** What another program recorded of an object's poses, beside our scores. */
+export interface RecordedWanted {
+  what: "recorded";
+  obj: number;
+  branch?: number;
+  /** Iterations that are there: a browser asks again when there are more. */
+  done?: number;
+}
+
+/** Write a file: the session, a recording, the page, the table of results, the score maps, or the verbs. */
+export interface Save {
+  verb: "save";
+  what: "maps" | "recording" | "results" | "session" | "share" | "verbs";
+  branch?: number;
+  /** Of the maps: the iteration that is shown. */
+  k?: number;
+  /** Of the maps: the object. */
+  obj?: number | null;
+  /** Of the maps: the poses of the object, by name. */
+  poses?: [string, Pose][];
+  name?: string;
+  replace?: boolean;
+}
+
+/** Give answers of the gallery a tag, or take it away. */
+export interface Tag {
+  verb: "tag";
+  answers: number[];
+  tag: string;
+  on?: boolean;
+}
+
+/** Put an object of a frame to be labelled where its photo was clicked: upright, at the depth there. */
+export interface Place {
+  verb: "place";
+  obj_id: number;
+  pixel: [number, number];
+}
+
+/** Search for an object inside a box, or on what a scribble covers; the best poses become its candidates. */
+export interface Find {
+  verb: "find";
+  obj_id: number;
+  /** [left, top, right, bottom] [px]. */
+  box?: [number, number, number, number] | null;
+  scribble?: [number, number][];
+}
+
+/** Refine a labelled object from a pose, settle it and verify it. */
+export interface Snap {
+  verb: "snap";
+  obj: number;
+  T: Pose;
+}
+
+/** Say what a label is, or take it away. */
+export interface Decide {
+  verb: "decide";
+  obj: number;
+  state: "accepted" | "proposed" | "removed" | "uncertain";
+  note?: string;
+}
+
+/** Take back what was last done to the labels of the frame, or do it again. */
+export interface UndoLabel {
+  verb: "undolabel";
+  redo?: boolean;
+}
+
+/** Carry the labels of the frame to those that follow, until one needs a person. */
+export interface Carry {
+  verb: "carry";
+  /** Frames. */
+  most?: number;
+}
+
+/** Write the labels as the ground truth of a BOP data set. */
+export interface Export {
+  verb: "export";
+  /** Folder of a data set that is written; none = into the data set itself. */
+  out?: string;
+  /** Whether uncertain ones are written, too. */
+  uncertain?: boolean;
+  /** Objects whose proposed symmetries were confirmed. */
+  symmetries?: number[];
+  overwrite?: boolean;
+}
+
+/** A file was written. */
+export interface WrittenMessage {
+  t: "written";
+  name: string;
+  /** null: it is only handed to the browser, and stays nowhere else. */
+  path: string | null;
+  /** Where it can be downloaded. */
+  url: string;
+  /** What it does not hold. */
+  note: string;
+}
+
+/** The gizmo in 3D was dragged. */
+export interface EditedMessage {
+  t: "edited";
+  obj: number;
+  T: Pose;
+}
+
+/** A pixel was clicked in 3D. */
+export interface PickedMessage {
+  t: "picked";
+  u: number;
+  v: number;
+}
+
+/** Which window the 3D view follows. */
+export interface Scene3DMessage {
+  t: "scene3d";
+  window: number | null;
+}
+
+/** Where this window looks from now on. */
+export interface ViewMessage {
+  t: "view";
+  patch: ViewPatch;
+  /** The iteration that a link names, shown once its row is there; null = the end. */
+  at?: number | null;
+}
+
+/** What changes of what a window looks at; the rest stays. */
+export interface ViewPatch {
+  branch?: number;
+  k?: number;
+  obj?: number | null;
+  stage?: string | null;
+  arm?: number | null;
+  moment?: number | null;
+  /** null: no pose is edited any more. */
+  edited?: null;
+}
+
+/** When a run stops and waits. */
+export interface BreakpointsMessage {
+  t: "breakpoints";
+  breakpoints: BreakpointSettings;
+}
+
+/** What a window asked for. */
+export interface AnswerMessage {
+  t: "answer";
+  /** Of the want, or of `evaluate`. */
+  id: string;
+  answer: AnyAnswer;
+}
+
+/**
+ * The score of a pose, or of several together, pixel by pixel.
+ *
+ * Arrays over the region: rendered [m], 0 = none; angle [rad]; f_d; f_n; classes, 0 = none; counted; and of a model
+ * with colours correlation and rendered_rgb, which a shared file has only where colour counts. NaN = no value.
+ */
+export interface MapsAnswer {
+  what: "maps";
+  /** [u0, v0, width, height]. */
+  region: [number, number, number, number];
+  score: ScoreNumbers;
+  scale: MapScale;
+  blob: string;
+  arrays: StoredArray[];
+}
+
+/** A score with its parts; they are null where it is not of Eq. 1. */
+export interface ScoreNumbers {
+  score: number;
+  depth_fit: number | null;
+  normal_fit: number | null;
+  colour_fit: number | null;
+  plausibility: number | null;
+  /** Pixels that count. */
+  n: number;
+  /** Pixels by class. */
+  counts: Record<string, number>;
+  /** ADD(-S) [mm]; null also of several objects together. */
+  err: number | null;
+  deg: number | null;
+  mm: number | null;
+}
+
+/** What the colours of maps are relative to. */
+export interface MapScale {
+  /** Nearest and farthest [m], one for all poses of these objects. */
+  depth: [number, number];
+  tau_mm: number;
+  colour_weight: number;
+}
+
+/** Where an array lies in a blob; `[name, dtype, offset, n, step]`. */
+export type StoredArray = [name: string, dtype: string, offset: number, n: number, step: number | null];
+
+/** For each pose that was asked for its polygons. */
+export interface OutlinesAnswer {
+  what: "outlines";
+  /** A polygon is [u, v, u, v, …] px, closed; pixel centres are whole. */
+  outlines: number[][][];
+}
+
+/** What shows a doubt about the data in the image. */
+export interface DoubtAnswer {
+  what: "doubt";
+  shapes: DoubtShape[];
+}
+
+/** What is drawn of a doubt: masks, edges of depth, models as the data have them and as they would fit. */
+export interface DoubtShape {
+  role: "edges" | "fits" | "given" | "mask";
+  label: string;
+  /** null: of the whole frame. */
+  obj: number | null;
+  polygons: number[][];
+}
+
+/** A model as it would look: RGBA, once or twice as fine as the image. */
+export interface ShadedAnswer {
+  what: "shaded";
+  /** [u0, v0, width, height]. */
+  region: [number, number, number, number];
+  /** null where it does not show in the image. */
+  url: string | null;
+}
+
+/** Whether the objects can stand where they are, and what the simulation did. */
+export interface PhysicsAnswer {
+  what: "physics";
+  /** Why nothing is simulated; "" where it is. */
+  empty: string;
+  doubts: string[];
+  surroundings: SupportAround | null;
+  /** Where each stands. */
+  objects: PosePhysics[];
+  /** Of the object asked for: before and after, with what a picture needs. */
+  poses: PosePhysics[];
+  /** Deepest first. */
+  overlaps: OverlappingPair[];
+  path: SimulatedMotion | null;
+}
+
+/** What supports and stops the objects. */
+export interface SupportAround {
+  /** plane: nothing else; observed: what the depth image shows; mesh: a mesh of the surroundings. */
+  source: string;
+  plane: PlaneFit;
+  surfaces: number;
+  solids: number;
+  unknown: UnknownSolid[];
+}
+
+/** How well the support plane fits. */
+export interface PlaneFit {
+  /** Of the background that lies on it. */
+  share: number;
+  rms_mm: number;
+  /** Between its normal and gravity. */
+  tilt_deg: number;
+}
+
+/** An object that the depth image shows and no model explains. */
+export interface UnknownSolid {
+  number: number;
+  /** Of its box, longest first. */
+  size_mm: number[];
+  /** Whether it stops nothing. */
+  dropped: boolean;
+}
+
+/** What geometry says of a pose; null where physics is not asked, and of what only a picture needs. */
+export interface PosePhysics {
+  obj: number;
+  /** The stage of the pose; "" = where the object stands. */
+  name: string;
+  tone: "amber" | "green" | "grey" | "red";
+  words: string;
+  /** To the nearest surface. */
+  gap_mm: number | null;
+  /** Of the deepest penetration. */
+  depth_mm: number | null;
+  /** What it penetrates. */
+  into: string | null;
+  /** Centre of mass to the edge of the support polygon; negative: outside; null without support. */
+  margin_mm: number | null;
+  /** Whether friction at the contacts can hold it; null where that is unknown. */
+  stable: boolean | null;
+  touches: string[] | null;
+  /** From above, as the three below. */
+  outline: [number, number][] | null;
+  /** The support polygon. */
+  polygon: [number, number][] | null;
+  /** Centre of mass. */
+  com: [number, number] | null;
+  contacts: [number, number][] | null;
+}
+
+/** Two objects that are partly in the same place. */
+export interface OverlappingPair {
+  /** The one that is solved later. */
+  first: number;
+  second: number;
+  depth_mm: number;
+}
+
+/** What the simulation did in the latest iteration of the object. */
+export interface SimulatedMotion {
+  k: number;
+  /** Number of poses: one more than steps. */
+  n: number;
+  poses: Pose[];
+  /** From the first pose, at each. */
+  moved_mm: number[];
+  turned_deg: number[];
+  /** At the end of each step, the hardest pressed first. */
+  contacts: TouchedPartner[][];
+  /** Whether the simulator gives contacts. */
+  has_contacts: boolean;
+  tipping: TippingMoment | null;
+  words: string;
+}
+
+/** What is touched at the end of a step. */
+export interface TouchedPartner {
+  name: string;
+  /** Contact points. */
+  n: number;
+  force_n: number;
+  /** Of the deepest penetration. */
+  depth_mm: number;
+}
+
+/** Where the centre of mass leaves the support. */
+export interface TippingMoment {
+  step: number;
+  overhang_mm: number;
+}
+
+/** What was measured at a pixel, in the camera frame; null where nothing was. `obj`: whose surface is nearest. */
+export interface PointAnswer {
+  what: "point";
+  point_mm: [number, number, number] | null;
+  normal: [number, number, number] | null;
+  /** Distance to the nearest surface of an object where it stands, negative inside; null beyond three times τ. */
+  residual_mm: number | null;
+  obj: number | null;
+}
+
+/** Where refining a pose ends, and what verifies it. */
+export interface RefinedAnswer {
+  what: "refined";
+  /** The proposed pose itself where nothing scores higher. */
+  T: Pose;
+  score: ScoreNumbers;
+  /** Of the proposed pose. */
+  before: ScoreNumbers;
+  /** Whether it can stand there; grey where no support is known or physics is off. */
+  tone: "amber" | "green" | "grey" | "red";
+  /** The same in words. */
+  words: string;
+}
+
+/** Of `landscape`: the score around a pose along twelve axes. */
+export interface CurvesAnswer {
+  what: "curves";
+  T: Pose;
+  score: number;
+  curves: ScoreCurve[];
+  /** The least certain of them, in words. */
+  undetermined: string;
+  undetermined_mm: number;
+  undetermined_deg: number;
+}
+
+/** The score along one axis. */
+export interface ScoreCurve {
+  axis: number;
+  /** Whose axis it is. */
+  frame: string;
+  kind: "shift" | "turn";
+  words: string;
+  unit: "mm" | "\u00b0";
+  offsets: number[];
+  scores: number[];
+  /** Offsets between which the score cannot tell. */
+  low: number;
+  high: number;
+  /** In words: ±0.3 mm. */
+  width: string;
+  /** At each offset. */
+  poses: Pose[];
+}
+
+/** Of `landscape`: the score over two axes. */
+export interface SliceAnswer {
+  what: "slice";
+  across: SliceAxis;
+  up: SliceAxis;
+  /** By rows, from below. */
+  scores: number[][];
+  poses: Pose[][];
+}
+
+/** One of the two axes of a map of scores. */
+export interface SliceAxis {
+  words: string;
+  unit: "mm" | "\u00b0";
+  offsets: number[];
+}
+
+/** Of `landscape`: what fits as well elsewhere. */
+export interface OtherAnswer {
+  what: "other";
+  other: OtherPose | null;
+  /** Turns after which the shape nearly looks the same, in words. */
+  near: string[];
+}
+
+/** A pose elsewhere that fits as well. */
+export interface OtherPose {
+  T: Pose;
+  score: number;
+  score_of_answer: number;
+  /** Difference of both that the noise of the image explains. */
+  noise: number;
+  apart_mm: number;
+  words: string;
+}
+
+/** Two branches side by side, as far as both are computed. */
+export interface CompareAnswer {
+  what: "compare";
+  names: [string, string];
+  settings: DifferingSetting[];
+  /** Whether both score by the same rule. */
+  scores_alike: boolean;
+  pairs: RunPair[];
+  /** The first other deed, the first other score. */
+  departures: RunDeparture[];
+  /** Where they part. */
+  words: string;
+  rows: ObjectInBoth[];
+  /** How well all answers of A, and of B, explain the frame together; null for one object. */
+  frame: [number, number] | null;
+  effort: BothEfforts;
+}
+
+/** A setting in which both differ; `[name, a, b]`, values in words. */
+export type DifferingSetting = [name: string, a: string, b: string];
+
+/** The n-th iteration on one object in both runs; `[obj, n, a, b]`. */
+export type RunPair = [obj: number, n: number, a: number | null, b: number | null];
+
+/** Where B begins to do otherwise than A. */
+export interface RunDeparture {
+  /** Number of the pair, from 1; 0 = before iteration 1. */
+  place: number;
+  kind: string;
+  /** What B does, to go on behind "B". */
+  text: string;
+  a: number | null;
+  b: number | null;
+}
+
+/** An object in both runs; null where a run does not solve it. */
+export interface ObjectInBoth {
+  obj: number;
+  name: string;
+  a: ComparedAnswer | null;
+  b: ComparedAnswer | null;
+  /** Nearer to ground truth, or where none is known of the higher score; null where that cannot be said. */
+  winner: "A" | "B" | "even" | null;
+}
+
+/** The answer of one of both runs for an object. */
+export interface ComparedAnswer {
+  /** By the run's own settings. */
+  score: number;
+  /** By those of A. */
+  score_by_a: number;
+  /** ADD(-S) [mm]. */
+  err: number | null;
+  deg: number | null;
+  mm: number | null;
+  k: number;
+  arm: number;
+}
+
+/** What both runs have cost so far. */
+export interface BothEfforts {
+  a: RunEffort;
+  b: RunEffort;
+}
+
+/** What a run has cost so far. */
+export interface RunEffort {
+  iterations: number;
+  planned: number;
+  refiner_calls: number;
+  /** Refiner calls that only complete a scene. */
+  rollout_calls: number;
+  ms: number;
+}
+
+/** What a learned refiner saw and answered in an iteration. */
+export interface CropsAnswer {
+  what: "crops";
+  /** The latest that worked on the object; null = none did. */
+  k: number | null;
+  /** Why there are no steps. */
+  empty: string;
+  steps: RefinerStepShown[];
+  refiner: string;
+  /** How far from the ground truth it began, and up to where it was trained, in words. */
+  start: string;
+}
+
+/** One step of a refiner. */
+export interface RefinerStepShown {
+  /** What it saw, as a PNG. */
+  url: string;
+  words: string[];
+}
+
+/** What another program recorded, as far as the run has repeated it. */
+export interface RecordedAnswer {
+  what: "recorded";
+  rows: RecordedPose[];
+  /** Rank correlation of both scores; null of fewer than four. */
+  rank: number | null;
+}
+
+/** A pose of another program, with its score and ours. */
+export interface RecordedPose {
+  /** 0 = an initial pose. */
+  k: number;
+  arm: number;
+  name: string;
+  theirs: number | null;
+  ours: number | null;
+  ms: number | null;
+  note: string;
+}
+
+/** An object over the frames of a sequence; without frames where they are none. */
+export interface TrackAnswer {
+  what: "track";
+  frames: TrackFrame[];
+  words: string;
+  /** Larger changes are jumps. */
+  jump_mm: number;
+  jump_deg: number;
+  /** What motions are relative to. */
+  reference: "camera" | "world";
+  /** What each kind means. */
+  legend: Record<string, string>;
+}
+
+/** The object in one frame; what is unknown is null. */
+export interface TrackFrame {
+  frame: string;
+  kind: "flip" | "jump" | "moved" | "no pose";
+  /** Since the last frame with a pose. */
+  moved_mm: number;
+  turned_deg: number;
+  /** Away from the support plane. */
+  lifted_mm: number | null;
+  /** Against the support plane. */
+  tilted_deg: number | null;
+  score: number | null;
+  /** ADD(-S) [mm]. */
+  err: number | null;
+  /** Another program's. */
+  recorded_score: number | null;
+  undetermined_mm: number | null;
+  undetermined_deg: number | null;
+  /** Share of the object's pixels without depth. */
+  missing_depth: number | null;
+}
+
+/** Of `evaluate`: a grasp by a pose and by the ground truth. */
+export interface GraspAnswer {
+  what: "grasp";
+  pose: GraspOutcome;
+  truth: GraspOutcome;
+}
+
+/** How a simulated grasp ends, and what it did; empty where none was carried out. */
+export interface GraspOutcome {
+  verdict: string;
+  good: boolean;
+  /** Where grasps come from: annotated or sampled. */
+  source: string;
+  /** Grasps in which the gripper meets nothing. */
+  free: number;
+  blocked: number;
+  /** Why none was carried out. */
+  words: string;
+  /** Moments. */
+  n: number;
+  /** By moment, as all below. */
+  stages: string[];
+  /** Between the fingers. */
+  gap_mm: number[];
+  /** Of both fingers on the object. */
+  force_n: number[][];
+  /** Of the object since the start. */
+  rise_mm: number[];
+  /** What the gripper presses on. */
+  touches: string[][];
+  frames: GraspFrame[];
+}
+
+/** One moment of a grasp, from the side. */
+export interface GraspFrame {
+  /** Palm and both fingers. */
+  gripper: [number, number][][];
+  /** [obj, outline]. */
+  objects: [number, [number, number][]][];
+}
+
+/** What was asked for cannot be given. */
+export interface GoneAnswer {
+  what: "gone";
+  /** Why. */
+  gone: string;
+}
+
+/** The gallery; sent again when a watched folder changes or a tag is set. */
+export interface AnswersMessage {
+  t: "answers";
+  /** How many objects are right, in words. */
+  outcome: string;
+  /** In how many frames the data are in doubt, and why. */
+  doubt: string;
+  /** What cannot be read. */
+  notes: string[];
+  runs: string[];
+  /** Runs that lie beside them and are not finished. */
+  unfinished: number;
+  /** Why tags cannot be read. */
+  faults: string[];
+  /** What is shown until the user chooses: values by filter. */
+  first: Record<string, string>;
+  orders: GalleryOrder[];
+  rows: GalleryRow[];
+  /** Of a watched folder: frames of the open session now. */
+  frames?: string[] | null;
+}
+
+/** One way to sort the gallery. */
+export interface GalleryOrder {
+  id: string;
+  words: string;
+  /** All answers in that order. */
+  keys: number[];
+}
+
+/** An answer as a card; its place in `rows` is its key. */
+export interface GalleryRow {
+  key: number;
+  /** Name of its run's folder. */
+  run: string;
+  frame: string;
+  /** null of a frame that failed as a whole, or waits. */
+  obj: number | null;
+  /** Its model. */
+  object: number | null;
+  name: string;
+  method: string;
+  tone: "doubt" | "none" | "right" | "seen" | "unknown" | "waiting" | "wrong";
+  /** What came of it, to filter by. */
+  result: string;
+  score: number | null;
+  /** ADD(-S) [mm]. */
+  err: number | null;
+  /** ADD(-S) to the nearest pose that the image allows beside ground truth [mm]. */
+  err_seen: number | null;
+  /** Up to this error it is right [mm]. */
+  limit: number | null;
+  /** The iteration to open. */
+  k: number;
+  /** Its title. */
+  cause: string;
+  evidence: string;
+  status: string;
+  /** Why there is no answer. */
+  message: string;
+  /** Share that is not hidden, 0 to 1. */
+  visible: number | null;
+  undetermined_mm: number | null;
+  undetermined_deg: number | null;
+  /** Time of its iterations. */
+  ms: number;
+  tags: string[];
+  /** Whether its frame can be opened. */
+  opens: boolean;
+  /** Whether it has a small picture. */
+  thumb: boolean;
+  /** Of reports alone, as all below: the group of its run. */
+  group?: string;
+  /** Which of two runs is wrong, in words. */
+  compared?: string;
+  /** Opens the frame in the program. */
+  command?: string;
+  /** Number of the part of the document that holds its frame. */
+  part?: number | null;
+  /** File beside the report that holds its frame. */
+  file?: string | null;
+}
+
+/** Numbers of runs, each in the unit that is shown. */
+export interface ReportMessage {
+  t: "report";
+  title: string;
+  session_title: string;
+  /** How many runs, frames and objects, in words. */
+  counted: string;
+  notes: string[];
+  /** [run, why]. */
+  left_out: [string, string][];
+  columns: ReportColumn[];
+  /** Of recall curves [% of the diameter]. */
+  thresholds: number[];
+  sections: ReportSection[];
+}
+
+/** A number of a group. */
+export interface ReportColumn {
+  id: string;
+  label: string;
+  hint: string;
+  unit: string;
+  digits: number;
+  /** 1: more is better, -1: less, 0: neither. */
+  better: number;
+}
+
+/** Runs on the same data. */
+export interface ReportSection {
+  data: string;
+  session_title: string;
+  n_frames: number;
+  headline: string;
+  next: NextStep | null;
+  doubt: string;
+  has_truth: boolean;
+  same_objects: boolean;
+  /** What BOP scores are over, or why there are none. */
+  bop: string;
+  /** What they mean. */
+  intervals: string;
+  /** The group. */
+  best: number;
+  groups: ReportGroup[];
+  objects: ObjectNumbers[];
+  hardest: HardObject[];
+  n_hard: number;
+  /** [setting, value by group]. */
+  differing: [string, string[]][];
+  /** Of two runs with ground truth. */
+  change: PairDifference | null;
+  /** Of two runs without. */
+  apart: ApartAnswers[];
+  tracks: ReportTrack[];
+}
+
+/** What to look at next. */
+export interface NextStep {
+  group: number;
+  text: string;
+  /** The answer to begin with. */
+  key: number;
+  /** Its name and frame. */
+  begin: string;
+}
+
+/** Runs that differ in their seeds alone. */
+export interface ReportGroup {
+  name: string;
+  runs: string[];
+  n_objects: number;
+  n_with_truth: number;
+  /** By column. */
+  numbers: Record<string, [number | null, number | null, number | null]>;
+  /** Recall less that of the best group [%]; null of the best itself. */
+  behind: [number | null, number | null, number | null] | null;
+  curve: RecallCurve | null;
+  /** [title, failures], the most frequent first. */
+  causes: [string, number][];
+  /** Share of the pairs of a wrong and a right answer in which the wrong one scores higher. */
+  misleads: number | null;
+  /** Milliseconds a frame. */
+  stages: Record<string, number>;
+  /** [end, by answers, by ground truth]. */
+  grasps: [string, number, number][];
+  /** Version, date, time and machine of its first run. */
+  made: string[];
+  /** TOML. */
+  session: string;
+}
+
+/** Recall over the thresholds [%], and where several runs or frames allow it its 95 % interval. */
+export interface RecallCurve {
+  recall: number[];
+  low: (number | null)[] | null;
+  high: (number | null)[] | null;
+}
+
+/** An object model over the groups; null where a group does not have it. */
+export interface ObjectNumbers {
+  id: number;
+  name: string;
+  cells: (ObjectCell | null)[];
+}
+
+/** An object model in one group. */
+export interface ObjectCell {
+  n: number;
+  /** Share [%]. */
+  right: number | null;
+  /** BOP average recall [%]. */
+  ar: number | null;
+  median_mm: number | null;
+  score: number | null;
+  undetermined_mm: number | null;
+  /** The most frequent one. */
+  cause: string;
+}
+
+/** An object of a frame that most groups get wrong. */
+export interface HardObject {
+  /** Its worst answer. */
+  key: number;
+  frame: string;
+  name: string;
+  wrong_groups: number;
+  groups: number;
+  /** Answers, of `n`. */
+  right: number;
+  n: number;
+  best: BestGroup | null;
+  cause: string;
+}
+
+/** Which group gets an object right most often; `[name, right, n]`. */
+export type BestGroup = [name: string, right: number, n: number];
+
+/** What changed from one run to the other. */
+export interface PairDifference {
+  n: number;
+  better: number;
+  worse: number;
+  now_right: number;
+  now_wrong: number;
+  both_wrong: number;
+  /** Objects that only A, and only B, has. */
+  only: [number, number];
+  /** Errors that differ by less count as the same [% of the diameter]. */
+  same: number;
+  /** The most improved first. */
+  objects: ObjectChange[];
+  frames: FrameChange[];
+}
+
+/** An object of a frame in both runs; errors are shares of the diameter [%]. */
+export interface ObjectChange {
+  frame: string;
+  name: string;
+  turned: "" | "right" | "wrong";
+  errors: [number | null, number | null];
+  /** Error of B less that of A. */
+  by: number | null;
+  keys: [number, number];
+}
+
+/** A frame in both runs; errors are means over objects that both have an answer for [%]. */
+export interface FrameChange {
+  frame: string;
+  n: number;
+  errors: [number | null, number | null];
+  /** Of A and of B. */
+  right: number[];
+}
+
+/** An object without ground truth whose answers differ between two runs. */
+export interface ApartAnswers {
+  frame: string;
+  name: string;
+  mm: number;
+  deg: number;
+  scores: [number | null, number | null];
+  keys: [number, number];
+}
+
+/** An object over the frames of a sequence. */
+export interface ReportTrack {
+  run: string;
+  name: string;
+  scene: number;
+  frames: number;
+  flips: number;
+  /** Flips in 100 frames. */
+  per_100: number;
+  jumps: number;
+  no_pose: number;
+  /** Median motion of frames that neither flip nor jump. */
+  mm: number | null;
+  deg: number | null;
+  drift_mm: number | null;
+  /** Of those that flip and jump most. */
+  moved: TrackMove[];
+}
+
+/** How an object moved on the way to a frame; `[frame, mm, deg, kind]`. */
+export type TrackMove = [frame: number, mm: number, deg: number, kind: string];
+
+/** The labels of the open frame, and how far the folder is. */
+export interface LabelsMessage {
+  t: "labels";
+  frame: string;
+  models: PlaceableModel[];
+  labels: LabelShown[];
+  /** Those that have some. */
+  frames: Record<string, FrameLabels>;
+  /** Where they are written. */
+  file: string;
+  undo: boolean;
+  redo: boolean;
+  /** The folder into which ground truth can be written: the data set itself, or one beside it. */
+  export: string;
+}
+
+/** A model that can be placed. */
+export interface PlaceableModel {
+  obj_id: number;
+  name: string;
+  /** What is proposed: "every turn about z"; "" = none, or not worked out yet. */
+  symmetry: string;
+}
+
+/** A label of the open frame. */
+export interface LabelShown {
+  /** The instance, as of the frame's objects. */
+  obj: number;
+  obj_id: number;
+  name: string;
+  T: Pose;
+  light: "amber" | "green" | "red";
+  reasons: string[];
+  state: "accepted" | "proposed" | "uncertain";
+  note: string;
+  score: number;
+  fit_mm: number;
+  sinks_mm: number;
+  undetermined_mm: number;
+  undetermined_deg: number;
+  /** placed, estimated, given, carried from 1/3. */
+  begun: string;
+  seconds: number;
+  candidates: CandidatePose[];
+}
+
+/** A pose that was searched for, the best first. */
+export interface CandidatePose {
+  T: Pose;
+  score: number;
+}
+
+/** What a frame of the folder has. */
+export interface FrameLabels {
+  labels: number;
+  accepted: number;
+  /** Those still proposed. */
+  undecided: number;
+  /** The worst of the undecided, and red where any label is; else green. */
+  light: "amber" | "green" | "red";
+}
+
+export type AnyAnswer =
+  | MapsAnswer
+  | OutlinesAnswer
+  | DoubtAnswer
+  | ShadedAnswer
+  | PhysicsAnswer
+  | PointAnswer
+  | RefinedAnswer
+  | CurvesAnswer
+  | SliceAnswer
+  | OtherAnswer
+  | CompareAnswer
+  | CropsAnswer
+  | RecordedAnswer
+  | TrackAnswer
+  | GraspAnswer
+  | GoneAnswer;
+
+export type AnyVerb =
+  | Look
+  | Step
+  | Seek
+  | RunVerb
+  | Pause
+  | Cancel
+  | Restart
+  | Fork
+  | Refine
+  | Open
+  | Estimate
+  | BranchVerb
+  | Compare
+  | Break
+  | Order
+  | Evaluate
+  | Want
+  | Save
+  | Tag
+  | Place
+  | Find
+  | Snap
+  | Decide
+  | UndoLabel
+  | Carry
+  | Export;
+
+export type AnyWant =
+  | MapsWanted
+  | OutlinesWanted
+  | DoubtWanted
+  | ShadedWanted
+  | PhysicsWanted
+  | PointWanted
+  | RefinedWanted
+  | LandscapeWanted
+  | ComparisonWanted
+  | CropsWanted
+  | TrackWanted
+  | RecordedWanted;
