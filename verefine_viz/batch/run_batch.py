@@ -107,7 +107,10 @@ class Backend:
                 ) from None
             return open_cluster(self.cluster, session, out, task, self.n_workers)
         from verefine_viz.batch.worker_pool import Pool
+        from verefine_viz.run.kernels_ahead import compile_ahead
 
+        # The first worker compiles what it needs, and the others wait for it.
+        compile_ahead(session)
         return Pool(FrameWork(session, out, task), self.n_workers, self.limit_bytes)
 
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
-from multiprocessing import connection, parent_process
+from multiprocessing import connection
 
 from verefine_viz.batch.worker_tasks import ONE_THREAD
+from verefine_viz.core.child_process import end_with_parent
 
 
 def work(channel: connection.Connection) -> None:
@@ -23,7 +23,7 @@ def work(channel: connection.Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent ends it.
     # One item per core beats several threads in one item.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
 
     from verefine_viz.core.progress_token import ProgressToken
     from verefine_viz.run.kernel_compilation import COMPILING, CompilingTurn
@@ -46,11 +46,3 @@ def work(channel: connection.Connection) -> None:
                 turn.end()
     except (EOFError, BrokenPipeError):
         return
-
-
-def _end_with_parent() -> None:
-    """A worker whose parent was killed must not go on writing into a folder that a new run may be using."""
-    parent = parent_process()
-    if parent is not None:
-        connection.wait([parent.sentinel])
-        os._exit(1)

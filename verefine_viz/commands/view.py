@@ -100,7 +100,9 @@ class ViewCommand:
     ) -> int:
         from verefine_viz.page.app import serve
         from verefine_viz.page.protocol import Compare
+        from verefine_viz.run.kernels_ahead import compile_ahead
 
+        compile_ahead(session)
         a, b = recordings
         serve(
             session,

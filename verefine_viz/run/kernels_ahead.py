@@ -1,0 +1,103 @@
+"""Compiles kernels in other processes before they are needed: those of a first step while the frame is drawn and scored.
+
+After installing, the first frame would wait for one kernel after the other. Numba compiles on one core only; its cache
+on disk is shared, so what another process has compiled is read from there.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from msgspec import structs
+
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.child_process import end_with_parent
+from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.kernels import cache_folder
+from verefine_viz.core.observation import Observation
+from verefine_viz.core.problem import Instance, Problem, Target
+from verefine_viz.core.settings import Session
+
+DEPTH_M = 0.5
+
+
+def compile_ahead(session: Session, processes: int | None = None) -> None:
+    """Start processes that compile what the session's refiner and the look at its answer take, unless that was done before.
+
+    Returns at once. The processes are ended with this one.
+
+    Args:
+        processes: at most so many; None = a core is left to this process.
+    """
+    parts = [part for part in PARTS if not _marker(session, part).exists()]
+    spare = (os.cpu_count() or 1) - 1 if processes is None else processes
+    # In the order of need, a part to each process in turn.
+    for own in (parts[i::spare] for i in range(min(spare, len(parts)))):
+        context = multiprocessing.get_context("spawn")
+        context.Process(target=_compile, args=(session, own), name="verefine-kernels", daemon=True).start()
+
+
+def tiny_target() -> Target:
+    """A carton that fills the middle of an image of 80 × 60 pixels, 0.5 m away: what kernels can be called with."""
+    from verefine_viz.scenes.demo_models import demo_model
+
+    camera = Camera(np.array([[80.0, 0, 39.5], [0, 80.0, 29.5], [0, 0, 1]]), 80, 60)
+    depth = np.full(camera.shape, DEPTH_M, np.float32)
+    normals = np.broadcast_to(np.float32([0, 0, -1]), (*camera.shape, 3))
+    mask = np.zeros(camera.shape, bool)
+    mask[20:40, 28:52] = True
+    model = demo_model("pack", 500, 0)
+    points = camera.back_project(depth)[mask]
+    T_cam_obj = transform(np.eye(3), [0, 0, DEPTH_M + model.diameter_m / 4])
+    instance = Instance(0, model.obj_id, mask, points, (), T_cam_obj)
+    rgb = np.full((*camera.shape, 3), 128, np.uint8)
+    observation = Observation(camera, depth, normals, rgb, mask, None)
+    return Problem(0, 1, observation, {model.obj_id: model}, (instance,), "kernels").targets[0]
+
+
+def _refine(session: Session) -> None:
+    from verefine_viz.run.toolbox import Toolbox
+
+    target = tiny_target()
+    T_cam_obj = target.instance.T_cam_obj_gt
+    assert T_cam_obj is not None
+    # ICP first, which draws nothing: what draws is compiled by who shows the frame.
+    for name in ("icp", session.method.refiner):
+        chosen = structs.replace(session, method=structs.replace(session.method, refiner=name))
+        Toolbox(chosen).refiner.refine(target, T_cam_obj)
+
+
+def _evaluate(session: Session) -> None:
+    from verefine_viz.evaluation.allowed_search import allowed_poses
+    from verefine_viz.run.toolbox import Toolbox
+
+    target = tiny_target()
+    T_cam_obj = target.instance.T_cam_obj_gt
+    assert T_cam_obj is not None
+    allowed_poses(Toolbox(session).verifier, target, T_cam_obj)
+
+
+PARTS: Mapping[str, Callable[[Session], None]] = {"refine": _refine, "evaluate": _evaluate}
+"""What is compiled ahead, in the order in which a first run needs it."""
+
+
+def _compile(session: Session, parts: list[str]) -> None:
+    """Main of such a process; what does not work here is compiled, or refused, where it is needed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent ends it.
+    end_with_parent()
+    for part in parts:
+        with suppress(VerefineError, OSError):
+            PARTS[part](session)
+            _marker(session, part).touch()
+
+
+def _marker(session: Session, part: str) -> Path:
+    """Return the file that says that a part was compiled for such a session."""
+    return cache_folder() / f"{part}-{session.method.refiner}.compiled"
