@@ -1,4 +1,4 @@
-"""Compiles kernels in other processes before they are needed: those of a first step while the frame is drawn and scored.
+"""Compiles kernels in other processes before they are needed: a first step's while the frame is drawn and scored.
 
 After installing, the first frame would wait for one kernel after the other. Numba compiles on one core only; its cache
 on disk is shared, so what another process has compiled is read from there.
@@ -29,11 +29,12 @@ DEPTH_M = 0.5
 
 
 def compile_ahead(session: Session, processes: int | None = None) -> None:
-    """Start processes that compile what the session's refiner and the look at its answer take, unless that was done before.
+    """Start processes that compile what a session's refiner and the look at its answer take, unless that was done.
 
     Returns at once. The processes are ended with this one.
 
     Args:
+        session: whose refiner and score it is.
         processes: at most so many; None = a core is left to this process.
     """
     parts = [part for part in PARTS if not _marker(session, part).exists()]
@@ -50,7 +51,7 @@ def tiny_target() -> Target:
 
     camera = Camera(np.array([[80.0, 0, 39.5], [0, 80.0, 29.5], [0, 0, 1]]), 80, 60)
     depth = np.full(camera.shape, DEPTH_M, np.float32)
-    normals = np.broadcast_to(np.float32([0, 0, -1]), (*camera.shape, 3))
+    normals = np.broadcast_to(np.array([0, 0, -1], np.float32), (*camera.shape, 3))
     mask = np.zeros(camera.shape, bool)
     mask[20:40, 28:52] = True
     model = demo_model("pack", 500, 0)
