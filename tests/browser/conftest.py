@@ -47,6 +47,7 @@ class Screen:
         self._modules = "/web/" if app is not None else "web/"
         self.errors: list[str] = []
         self.foreign: list[str] = []
+        page.set_default_timeout(SLOW_MS)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("console", lambda line: line.type == "error" and self.errors.append(line.text))
         page.on("request", self._requested)
@@ -142,7 +143,7 @@ class Pages:
         if name not in self._apps:
             path = SESSIONS / f"{session}.toml"
             app = App(load_session(path), path, port=0, folder=self._folder, first=first, **given).start()
-            app.wait_until_ready(120)
+            app.wait_until_ready(240)
             self._apps[name] = app
         return self._apps[name]
 
@@ -191,7 +192,7 @@ def show(pages: Pages) -> Callable[..., Screen]:
     def opened(session: str = "mug", link: str = "", size: dict[str, int] | None = None) -> Screen:
         app = pages.app(session)
         app.send(Restart(min(app.debugger.space.branches), discard=True))
-        app.wait_until_idle(60)
+        app.wait_until_idle(180)
         return pages.show(app, link, size)
 
     return opened
