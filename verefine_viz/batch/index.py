@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from msgspec import structs
 
 from verefine_viz.batch.answer_orders import Order, sort_key
 from verefine_viz.batch.folder import SESSION_FILE
+from verefine_viz.batch.motion_table import MotionTrack, read_tracks
 from verefine_viz.batch.runs import RUN_FILE, BatchInfo, Runs, read_run
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError
@@ -35,6 +37,17 @@ class BatchIndex:
     """One per object, by frame."""
     notes: tuple[str, ...] = ()
     """What is missing: frames that are not finished, files that cannot be read."""
+    motion: Callable[[], tuple[MotionTrack, ...]] | None = None
+    """Works out how objects move, of a run that goes on; None: motion.csv has it, where the frames are a sequence."""
+
+    @cached_property
+    def tracks(self) -> tuple[MotionTrack, ...]:
+        """The objects over the frames of a sequence; none where they are none.
+
+        Raises:
+            InputError: motion.csv is damaged.
+        """
+        return read_tracks(self.folder) if self.motion is None else self.motion()
 
     def sorted_by(self, order: Order) -> tuple[Answer, ...]:
         """The rows in one of :data:`ORDERS`; see :func:`sort_key`.
