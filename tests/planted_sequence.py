@@ -8,7 +8,7 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, random_unit_vector, transform
-from verefine_viz.evaluation.pose_motion import MarkKind
+from verefine_viz.core.records import MarkKind
 
 Z = np.array([0.0, 0, 1])
 HALF_TURN = transform(axis_angle(Z, np.pi), np.zeros(3))[None]

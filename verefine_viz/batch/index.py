@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from msgspec import structs
 
 from verefine_viz.batch.answer_orders import Order, sort_key
 from verefine_viz.batch.folder import SESSION_FILE
-from verefine_viz.batch.motion_table import MotionTrack, read_tracks
 from verefine_viz.batch.runs import RUN_FILE, BatchInfo, Runs, read_run
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError
@@ -22,6 +22,9 @@ from verefine_viz.run.record import Answer, RunRecord
 from verefine_viz.run.run_file import SUFFIX, read_run_file
 from verefine_viz.run.run_header import session_of
 from verefine_viz.run.session_file import load_session
+
+if TYPE_CHECKING:
+    from verefine_viz.batch.motion_table import MotionTrack
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,8 @@ class BatchIndex:
         Raises:
             InputError: motion.csv is damaged.
         """
+        from verefine_viz.batch.motion_table import read_tracks  # Most who read a batch need no motion.
+
         return read_tracks(self.folder) if self.motion is None else self.motion()
 
     def sorted_by(self, order: Order) -> tuple[Answer, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.records import MarkKind
 
 FLIP_DEG, NEAR_DEG = 30.0, 20.0
 """A flip turns by more than the first, and a near-symmetry of the shape explains it to less than the second."""
@@ -22,7 +23,6 @@ JUMP_DEG, JUMP_MM = 30.0, 50.0
 the number of frames without a pose between: an object goes on moving while it is lost."""
 
 Kind = Literal["flip", "jump", "moved", "no pose", "not solved"]
-MarkKind = Literal["flip", "jump", "lost", "recovered"]
 Reference = Literal["world", "camera"]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from verefine_viz.evaluation.pose_motion import MarkKind
+from verefine_viz.core.records import MarkKind
 from verefine_viz.page.frame_messages import Box, Polygon
 from verefine_viz.page.wire import Answer, Message, Part, Pose
 

@@ -14,7 +14,6 @@ import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
-from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.motion_table import NO_TURNS, MotionRow, MotionTrack, motion_rows, tracks_of
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
@@ -29,6 +28,7 @@ from verefine_viz.page.views.pixel_maps import packed
 from verefine_viz.run.record import Answer, RunEnd, RunRecord, awaited
 
 if TYPE_CHECKING:
+    from verefine_viz.batch.index import BatchIndex
     from verefine_viz.page.blobs import Blobs
     from verefine_viz.page.workspace import Workspace
 

@@ -38,7 +38,7 @@ export const MARKS = /** @type {const} */ (["flip", "jump", "lost", "recovered"]
  * @property {number} n  frames
  * @property {Measure[]} measures  that something is known of
  * @property {Record<string, Float32Array[]>} values
- * @property {Uint8Array[]} states
+ * @property {Float32Array[]} states  as all that is drawn
  * @property {Int32Array[]} keys  of answers in the gallery, -1 = in none
  */
 /**
@@ -48,7 +48,7 @@ export const MARKS = /** @type {const} */ (["flip", "jump", "lost", "recovered"]
  */
 export function lanesOf(answer, arrays) {
   const n = answer.frames.length;
-  /** @type {<T extends Float32Array | Uint8Array | Int32Array>(array: T) => T[]} */
+  /** @type {<T extends Float32Array | Int32Array>(array: T) => T[]} */
   const split = (array) => answer.lanes.map((_, lane) => /** @type {typeof array} */ (array.subarray(lane * n, (lane + 1) * n)));
   const measures = MEASURES.filter(({ id }) => arrays[id]).map((m) =>
     ({ ...m, ...(m.grows ? { top: largest(arrays[m.id]) || 1 } : {}), known: knownIn(arrays[m.id]) }));
@@ -56,7 +56,7 @@ export function lanesOf(answer, arrays) {
     answer, n, measures,
     values: Object.fromEntries([...measures.map(({ id }) => id), "err"].filter((id) => arrays[id])
       .map((id) => [id, split(/** @type {Float32Array} */ (arrays[id]))])),
-    states: split(/** @type {Uint8Array} */ (arrays.state)), keys: split(/** @type {Int32Array} */ (arrays.key)),
+    states: split(Float32Array.from(arrays.state)), keys: split(/** @type {Int32Array} */ (arrays.key)),
   };
 }
 // What is coloured by until it is chosen: error, score, …, the first that is known of half of the cells that any is known of.
@@ -71,63 +71,57 @@ export function scoreOf({ measures }) {
 const knownIn = (array) => array.reduce((n, v) => n + Number(v === v), 0);
 const largest = (array) => array.reduce((a, b) => (b > a ? b : a), 0);
 
-/** @typedef {{ size: number, low: ArrayLike<number>, high: ArrayLike<number> }} Blocks  of so many frames each */
-/** @type {WeakMap<object, Blocks[]>} */
-const pyramids = new WeakMap(); // values → blocks of 4, 8, 16, … frames
-const FINEST = 4;
+/** @typedef {{ size: number, low: Float32Array, high: Float32Array }} Blocks  of so many frames each */
+/** @type {WeakMap<Float32Array, Blocks[]>} */
+const pyramids = new WeakMap(); // values → blocks of 1, 2, 4, 8, … frames
 
 /**
- * The frames themselves, or the blocks of which at least `FINEST` are in a pixel of so many frames.
- * @type {(values: ArrayLike<number>, per: number) => Blocks}
+ * The largest blocks of which at least two are in a pixel of so many frames.
+ * @type {(values: Float32Array, per: number) => Blocks}
  */
 function blocksOf(values, per) {
-  const size = 2 ** Math.floor(Math.log2(per / FINEST));
-  if (!(size >= FINEST)) return { size: 1, low: values, high: values };
-  if (!pyramids.has(values)) pyramids.set(values, []);
+  const level = Math.max(0, Math.floor(Math.log2(per / 2)));
+  if (!pyramids.has(values)) pyramids.set(values, [{ size: 1, low: values, high: values }]);
   const levels = pyramids.get(values);
-  for (let k = levels.length; levels.at(-1)?.size !== size && FINEST * 2 ** (k - 1) < size; k++) {
-    const below = levels[k - 1] ?? { size: 1, low: values, high: values };
-    levels.push(joined(below, FINEST * 2 ** k / below.size, FINEST * 2 ** k));
+  while (levels.length <= level) {
+    const { size, low, high } = levels.at(-1);
+    const n = Math.ceil(low.length / 2);
+    const above = { size: 2 * size, low: new Float32Array(n), high: new Float32Array(n) };
+    for (let i = 0; i < n; i++) extremes(low, high, 2 * i, Math.min(low.length, 2 * i + 2), above.low, above.high, i);
+    levels.push(above);
   }
-  return levels.find((level) => level.size === size);
+  return levels[level];
 }
-/** @type {(below: Blocks, by: number, size: number) => Blocks} */
-function joined(below, by, size) {
-  const n = Math.ceil(below.low.length / by);
-  const [low, high] = [new Float32Array(n), new Float32Array(n)];
-  for (let i = 0; i < n; i++) extremes(below, i * by, Math.min(below.low.length, (i + 1) * by), low, high, i);
-  return { size, low, high };
-}
-/** @type {(blocks: Blocks, first: number, end: number, low: Float32Array, high: Float32Array, at: number) => void} */
-function extremes(blocks, first, end, low, high, at) {
-  let a = NaN;
-  let b = NaN;
-  for (let i = first; i < end; i++) {
-    const l = blocks.low[i];
-    const h = blocks.high[i];
+/** @type {(low: Float32Array, high: Float32Array, first: number, end: number, least: Float32Array, most: Float32Array, at: number) => void} */
+function extremes(low, high, first, end, least, most, at) {
+  let a = low[first];
+  let b = high[first];
+  for (let i = first + 1; i < end; i++) {
+    const l = low[i];
+    const h = high[i];
     if (l < a || a !== a) a = l; // NaN is not itself
     if (h > b || b !== b) b = h;
   }
-  low[at] = a;
-  high[at] = b;
+  least[at] = a;
+  most[at] = b;
 }
 
 /**
  * The least and the largest value of the frames in each of w pixels, NaN where none is known; of very many frames those
  * beside them may be counted in.
- * @param {ArrayLike<number>} values
+ * @param {Float32Array} values
  * @param {{ from: number, to: number }} span  in frames
- * @param {Float32Array} low  (w,)
- * @param {Float32Array} high  (w,)
+ * @param {Float32Array} least  (w,)
+ * @param {Float32Array} most  (w,)
  */
-export function reduce(values, { from, to }, low, high) {
-  const per = (to - from) / low.length;
-  const blocks = blocksOf(values, per);
-  const n = blocks.low.length;
-  for (let x = 0; x < low.length; x++) {
-    const first = Math.max(0, Math.floor((from + x * per) / blocks.size));
-    const end = Math.min(n, Math.max(first + 1, Math.ceil((from + (x + 1) * per) / blocks.size)));
-    extremes(blocks, first, end, low, high, x);
+export function reduce(values, { from, to }, least, most) {
+  const per = (to - from) / least.length;
+  const { size, low, high } = blocksOf(values, per);
+  const n = low.length;
+  for (let x = 0; x < least.length; x++) {
+    const first = Math.min(n - 1, Math.floor((from + x * per) / size));
+    const end = Math.min(n, Math.max(first + 1, Math.ceil((from + (x + 1) * per) / size)));
+    extremes(low, high, first, end, least, most, x);
   }
 }
 

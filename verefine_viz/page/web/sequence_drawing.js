@@ -140,6 +140,7 @@ function drawPixels(canvas, ctx, lanes, { measure, curves, lane, place }, span, 
     const y = place.bottom + k * place.curve;
     drawCurve(raster, lanes.values[m.id][lane], m, span, row(y + 0.6 * place.rem), row(y + place.curve - 0.3 * place.rem), colors);
   });
+  drawMarks(raster, lanes, span, place, color, ratio);
   ctx.putImageData(raster.image, Math.round(place.left * ratio), Math.round(place.top * ratio));
 }
 
@@ -155,24 +156,52 @@ function polygon(ctx, [x, y, ...rest]) {
   for (let i = 0; i < rest.length; i += 2) ctx.lineTo(rest[i], rest[i + 1]);
   ctx.closePath();
 }
-function drawMarks(ctx, { answer }, span, place, color) {
-  const r = 0.36 * place.rem;
-  ctx.lineWidth = 1;
-  ctx.strokeStyle = color("--pane");
-  for (const kind of MARKS) {
+/** @type {Map<string, ImageData>} */
+const stamps = new Map(); // kind, size and colours → the pixels of the mark: thousands may be in sight
+function stampOf(kind, r, edge) {
+  const key = `${kind} ${r} ${edge}`;
+  if (!stamps.has(key)) {
+    const stamp = document.createElement("canvas");
+    stamp.width = stamp.height = 2 * Math.ceil(r + 1);
+    const ctx = stamp.getContext("2d");
     ctx.fillStyle = palette.motions[kind];
-    const seen = new Set(); // places that have such a mark
+    ctx.strokeStyle = edge;
     ctx.beginPath();
-    for (const [lane, frame, own] of answer.marks) {
-      if (own !== kind || frame < span.from - 1 || frame > span.to) continue;
-      const x = Math.round(xOf(frame + 0.5, span, place));
-      const key = lane * 65536 + (x >> 2);
-      if (seen.has(key)) continue;
-      seen.add(key);
-      SHAPES[kind](ctx, x, place.top + (lane + 0.5) * place.lane - 0.5, r);
-    }
+    SHAPES[kind](ctx, stamp.width / 2, stamp.width / 2, r);
     ctx.fill();
     ctx.stroke();
+    stamps.set(key, ctx.getImageData(0, 0, stamp.width, stamp.width));
+  }
+  return stamps.get(key);
+}
+/** @type {(raster: Raster, stamp: ImageData, x0: number, y0: number) => void} */
+function press({ out, image: { data, width: w, height: h } }, { data: own, width: size }, x0, y0) {
+  const whole = new Uint32Array(own.buffer);
+  for (let y = Math.max(0, -y0); y < size && y0 + y < h; y++) {
+    for (let x = Math.max(0, -x0); x < size && x0 + x < w; x++) {
+      const packed = whole[y * size + x];
+      const at = (y0 + y) * w + x0 + x;
+      if (packed >= 0xff000000) out[at] = packed;
+      if (packed < 0x01000000 || packed >= 0xff000000) continue;
+      const [from, to] = [4 * (y * size + x), 4 * at];
+      const share = own[from + 3] / 255;
+      for (let c = 0; c < 3; c++) data[to + c] += share * (own[from + c] - data[to + c]);
+      data[to + 3] = Math.max(data[to + 3], own[from + 3]);
+    }
+  }
+}
+function drawMarks(raster, { answer }, span, place, color, ratio) {
+  const edge = color("--pane");
+  const own = Object.fromEntries(MARKS.map((kind) => [kind, stampOf(kind, 0.36 * place.rem * ratio, edge)]));
+  const half = own.flip.width / 2;
+  const seen = new Set(); // places that have such a mark
+  for (const [lane, frame, kind] of answer.marks) {
+    if (frame < span.from - 1 || frame > span.to) continue;
+    const x = Math.round((xOf(frame + 0.5, span, place) - place.left) * ratio);
+    const key = (lane * 65536 + (x >> 2)) * 4 + MARKS.indexOf(kind);
+    if (seen.has(key)) continue;
+    seen.add(key);
+    press(raster, own[kind], x - half, Math.round(((lane + 0.5) * place.lane - 0.5) * ratio) - half);
   }
 }
 
@@ -241,10 +270,4 @@ export function draw(canvas, lanes, { measure, curves, from, to, lane, place }) 
   drawPixels(canvas, ctx, lanes, { measure, curves, lane, place }, span, color, ratio);
   drawAxis(ctx, lanes, span, place, color);
   drawNames(ctx, lanes, curves, lane, place, color);
-  ctx.save();
-  ctx.beginPath();
-  ctx.rect(place.left, 0, place.width, place.height);
-  ctx.clip();
-  drawMarks(ctx, lanes, span, place, color);
-  ctx.restore();
 }
