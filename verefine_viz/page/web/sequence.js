@@ -54,9 +54,11 @@ export function Switch() {
 
 /** @type {WeakMap<Arrays, Lanes>} */
 const unpacked = new WeakMap(); // arrays → lanes of them
-/** @returns {{ lanes: Lanes | null, answer: SequenceAnswer | { gone: string } | undefined }} */
-function useLanes() {
-  const [run, scene, done] = useStore((s) => [s.sequence.run, s.sequence.scene, doneAt(s)]);
+// Beside a frame its own run and scene, in the gallery those that are chosen.
+/** @type {(small: boolean) => { lanes: Lanes | null, answer: SequenceAnswer | { gone: string } | undefined }} */
+function useLanes(small) {
+  const [run, scene, done] = useStore((s) => [
+    small ? "" : s.sequence.run || s.frame?.run || s.answers?.runs[0] || "", small ? null : s.sequence.scene, doneAt(s)]);
   const of = useMemo(() => /** @type {const} */ ({ what: "sequence", run, scene, done }), [run, scene, done]);
   const answer = useLatest(of, "sequence", `${run} ${scene}`);
   const arrays = useStore(() => arraysOf(answer));
@@ -70,7 +72,7 @@ function useLanes() {
 
 /** @param {{ small?: boolean }} props */
 export function Sequence({ small = false }) {
-  const { lanes, answer } = useLanes();
+  const { lanes, answer } = useLanes(small);
   const view = useStore((s) => s.sequence);
   if (answer && "gone" in answer) return html`<p class="empty">${answer.gone}</p>`;
   if (!lanes) return html`<p class="empty">Reading the frames.</p>`;
@@ -78,21 +80,21 @@ export function Sequence({ small = false }) {
   const measure = lanes.measures.find(({ id }) => id === view.by) ?? firstOf(lanes);
   const lane = Math.min(view.lane, lanes.answer.lanes.length - 1);
   return html`<div class=${`sequence ${small ? "small" : ""}`}>
-    <div class="sequence-main scroll"><${Controls} lanes=${lanes} measure=${measure} />
+    <div class="sequence-main scroll"><${Controls} lanes=${lanes} measure=${measure} small=${small} />
       <${Strip} lanes=${lanes} measure=${measure} lane=${lane} />
       <${Statistics} lanes=${lanes} lane=${lane} small=${small} /></div>
     <${MarkList} lanes=${lanes} /></div>`;
 }
 
-/** @param {{ lanes: Lanes, measure: Measure }} props */
-function Controls({ lanes, measure }) {
+/** @param {{ lanes: Lanes, measure: Measure, small: boolean }} props */
+function Controls({ lanes, measure, small }) {
   const [view, answers] = useStore((s) => [s.sequence, s.answers]);
   const { answer } = lanes;
   const kinds = [["--faint", NO_POSE, "no pose"], ["--over", NOT_SOLVED, "not solved"]].filter(([, state]) => lanes.states.some((s) => s.includes(Number(state))));
   return html`<div class="sequence-bar">
-    ${answers?.runs.length > 1 && html`<${Select} label="Run" value=${answer.run} options=${[...answers.runs]}
+    ${!small && answers?.runs.length > 1 && html`<${Select} label="Run" value=${answer.run} options=${[...answers.runs]}
       onChange=${(run) => look({ run, scene: null, lane: 0, brush: null, from: 0, to: Infinity })} />`}
-    ${answer.scenes.length > 1 && html`<${Select} label="Scene" value=${String(answer.scene)} options=${answer.scenes.map(String)}
+    ${!small && answer.scenes.length > 1 && html`<${Select} label="Scene" value=${String(answer.scene)} options=${answer.scenes.map(String)}
       onChange=${(scene) => look({ scene: Number(scene), lane: 0, brush: null, from: 0, to: Infinity })} />`}
     <${Select} label="Colour" value=${measure.id} options=${lanes.measures.map((m) => [m.id, m.title])} onChange=${(by) => look({ by })} />
     <span class="scale"><span>0</span><i style=${{ background: gradientOf(measure) }} /><span>${+measure.top.toPrecision(2)} ${measure.unit}</span></span>
@@ -108,7 +110,8 @@ function open(lanes, { lane, frame }) {
   look({ lane });
   const key = lanes.keys[lane][frame];
   if (key >= 0 && state.answers) return openAnswer(state.answers.rows[key]);
-  if (state.file || lanes.states[lane][frame] === 0) return undefined;
+  const isOpen = !state.answers || state.frame?.run === lanes.answer.run;
+  if (state.file || !isOpen || lanes.states[lane][frame] === 0) return undefined;
   if (state.view.preset === "gallery") setPreset(presets(state).find(({ id }) => ["label", "inspect"].includes(id)).id);
   return send({ verb: "open", frame: lanes.answer.frames[frame], object: lanes.answer.lanes[lane].object });
 }

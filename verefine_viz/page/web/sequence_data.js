@@ -11,7 +11,7 @@
  * @property {string} title
  * @property {string} unit
  * @property {"max" | "min"} worst
- * @property {number} top
+ * @property {number} top  of motions replaced by what counts as a jump
  * @property {number} factor  from the array to what is shown
  * @property {number} digits
  * @property {boolean} [grows]
@@ -51,7 +51,7 @@ export function lanesOf(answer, arrays) {
   /** @type {<T extends Float32Array | Int32Array>(array: T) => T[]} */
   const split = (array) => answer.lanes.map((_, lane) => /** @type {typeof array} */ (array.subarray(lane * n, (lane + 1) * n)));
   const measures = MEASURES.filter(({ id }) => arrays[id]).map((m) =>
-    ({ ...m, ...(m.grows ? { top: largest(arrays[m.id]) || 1 } : {}), known: knownIn(arrays[m.id]) }));
+    ({ ...m, top: topOf(m, answer, arrays), known: knownIn(arrays[m.id]) }));
   return {
     answer, n, measures,
     values: Object.fromEntries([...measures.map(({ id }) => id), "err"].filter((id) => arrays[id])
@@ -62,6 +62,9 @@ export function lanesOf(answer, arrays) {
 // What is coloured by until it is chosen: error, score, …, the first that is known of half of the cells that any is known of.
 /** @param {Lanes} lanes */
 export const firstOf = ({ measures }) => measures.find((m) => 2 * m.known >= Math.max(...measures.map((one) => one.known)));
+/** @type {(measure: Measure, answer: SequenceAnswer, arrays: Arrays) => number} */
+const topOf = ({ id, grows, top }, { jump_mm, jump_deg }, arrays) => (
+  grows ? largest(arrays[id]) || 1 : id === "moved_mm" ? jump_mm : id === "turned_deg" ? jump_deg : top);
 // Of two scores that of more frames.
 /** @param {Pick<Lanes, "measures">} lanes */
 export function scoreOf({ measures }) {
