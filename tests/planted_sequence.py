@@ -61,7 +61,8 @@ def planted(n: int, n_events: int, seed: int, mm: float = 2.0, deg: float = 2.0,
             marks.append((i, "jump"))
         elif kind == "lost":
             until = i + int(rng.integers(1, 30))
-            marks += [(i, "lost"), (until, "recovered")]
+            marks.append((i, "lost"))
+            marks.append((until, "recovered"))
         if i < until:
             poses.append(None)
             continue
