@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -29,10 +29,10 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
-from verefine_viz.page.answers_to_wants import TrackFrame
-from verefine_viz.page.protocol import Open, TrackWanted
+from verefine_viz.page.answers_to_wants import SequenceAnswer
+from verefine_viz.page.protocol import Open, SequenceWanted
 from verefine_viz.page.verbs import Debugger
-from verefine_viz.page.views.object_track import track
+from verefine_viz.page.views.sequence import sequence
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.data_folder import data_at
 from verefine_viz.run.toolbox import Toolbox
@@ -123,29 +123,28 @@ def write(folder: Path, camera: Camera, model: ObjectModel, shots: Iterator[Shot
 
 
 def measured(folder: Path) -> list[dict[str, object]]:
-    """Open the folder as the page does, and time the strip and a click on it, without drawing in a browser."""
+    """Open the folder as the page does, and time the timeline and a click on it, without drawing in a browser."""
     known = data_at(folder, {})
     assert known is not None
     Console().print(known.what)
     debugger, opening = _timed(lambda: Debugger(Workspace(known.session, None, Toolbox)))
     space = debugger.space
-    obj = space.problem.targets[0].instance.instance_id
 
-    def strip() -> Sequence[TrackFrame]:
-        return track(space, TrackWanted(obj), debugger.blobs).frames
+    def timeline() -> SequenceAnswer:
+        return sequence(space, SequenceWanted(), debugger.blobs)
 
-    frames, first = _timed(strip)
-    strips = [_timed(strip)[1] for _ in range(N_CLICKS)]
+    shown, first = _timed(timeline)
+    again = [_timed(timeline)[1] for _ in range(N_CLICKS)]
     rows: list[dict[str, object]] = [
         {"what": "opening the folder", "ms": opening},
-        {"what": f"the strip, with {len(frames)} poses read", "ms": first},
-        {"what": "the strip again", "ms": statistics.median(strips)},
+        {"what": f"the timeline, with {len(shown.frames)} poses read", "ms": first},
+        {"what": "the timeline again", "ms": statistics.median(again)},
     ]
     clicks = []
-    for row in frames[1 :: max(len(frames) // N_CLICKS, 1)]:
-        verbs = [Open(frame=row.frame)]
+    for frame in shown.frames[1 :: max(len(shown.frames) // N_CLICKS, 1)]:
+        verbs = [Open(frame=frame)]
         clicks.append(_timed(lambda verbs=verbs: debugger.carry_out(verbs))[1])
-    marked = [row.frame for row in frames if row.kind in ("flip", "jump")]
+    marked = [f"{shown.frames[mark.frame]} {mark.kind}" for mark in shown.marks]
     Console().print(f"marked: {', '.join(marked)}")
     return [*rows, {"what": "a click: the frame open, its recorded steps read", "ms": statistics.median(clicks)}]
 

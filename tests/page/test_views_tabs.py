@@ -19,7 +19,6 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED
 from verefine_viz.core.refiner_steps import RefinerStep
 from verefine_viz.core.settings import MethodSettings, Session
-from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.protocol import Standing, pose_matrix
@@ -125,22 +124,6 @@ def test_landscape_has_the_scores_of_its_poses(opened: Callable[..., Debugger]):
     assert pose_matrix(two["poses"][middle][middle]) == pytest.approx(T_best)
     assert two["scores"][middle][middle] == pytest.approx(run.final_state.best[0].score.score)
     assert asked(d, p.LandscapeWanted(0, pose_numbers(T_best), k=run.length, part="other"))["other"] is None
-
-
-def test_frames_that_were_solved_are_a_track(opened: Callable[..., Debugger]):
-    d = opened(p.RunVerb())
-    assert asked(d, p.TrackWanted(0))["frames"] == []
-    best = d.space.work.first.run.final_state.best[0]
-    d.carry_out([p.Open(frame="0/2")])
-    d.carry_out([p.RunVerb(d.space.work.first.index)])
-    frames = asked(d, p.TrackWanted(0))["frames"]
-    assert [row["frame"] for row in frames] == ["0/1", "0/2"]
-    target = d.space.problem.targets[0]
-    assert target.instance.T_cam_obj_gt is not None
-    assert frames[0]["score"] == best.score.score
-    assert frames[1]["err"] == add_s_mm(
-        target.model, d.space.work.first.run.final_state.best[0].T_cam_obj, target.instance.T_cam_obj_gt
-    )
 
 
 def test_a_refiner_that_is_not_learned_saw_nothing(opened: Callable[..., Debugger]):

@@ -10,6 +10,7 @@ import pytest
 from tests.fakes import box_model
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
+from verefine_viz.evaluation.pose_motion import Kind
 from verefine_viz.recording import rerun_viewer
 from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.recording.reader import read_recording
@@ -18,13 +19,13 @@ from verefine_viz.recording.sequence_recording import FRAME, SequenceFrame, Sequ
 
 
 def tracks(n: int = 20, knows_camera: bool = False) -> list[SequenceTrack]:
-    """Two boxes; the first flips in frame 7 and has no pose in frame 9."""
+    """Two boxes; the first flips in frame 7, is lost in frame 9 and recovered in frame 10."""
     both = []
     for k, name in enumerate(("a box", "b/ox")):
         frames = []
         for i in range(n):
             T = None if (k, i) == (0, 9) else transform(np.eye(3), [0.2 * k + 0.005 * i, 0, 0.6])
-            kind = "no pose" if T is None else "flip" if (k, i) == (0, 7) else "moved"
+            kind: Kind = "no pose" if T is None else "flip" if (k, i) == (0, 7) else "moved"
             numbers = {} if T is None else {"moved_mm": 5.0, "turned_deg": 0.5, "score": 0.8 + 0.01 * k}
             T_map_cam = transform(np.eye(3), [-0.005 * i, 0, 0]) if knows_camera else None
             frames.append(SequenceFrame(i, T, T_map_cam, kind, numbers))
@@ -45,7 +46,7 @@ def test_poses_curves_and_events_are_on_the_timeline_of_frames(knows_camera: boo
     assert rows["/scene_3/objects/0_a_box"] == 20
     assert rows["/scene_3/curves/moved_mm/0_a_box"] == 19
     assert rows["/scene_3/curves/score/1_b_ox"] == 20
-    assert rows["/scene_3/events/0_a_box"] == 2
+    assert rows["/scene_3/events/0_a_box"] == 3
     assert "/scene_3/objects/1_b_ox" not in rows
     assert ("/scene_3/camera" in rows) == knows_camera
     assert not any("recorded_score" in name for name in rows)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from msgspec import structs
 
@@ -21,6 +23,9 @@ from verefine_viz.run.run_file import SUFFIX, read_run_file
 from verefine_viz.run.run_header import session_of
 from verefine_viz.run.session_file import load_session
 
+if TYPE_CHECKING:
+    from verefine_viz.batch.motion_table import MotionTrack
+
 
 @dataclass(frozen=True)
 class BatchIndex:
@@ -35,6 +40,19 @@ class BatchIndex:
     """One per object, by frame."""
     notes: tuple[str, ...] = ()
     """What is missing: frames that are not finished, files that cannot be read."""
+    motion: Callable[[], tuple[MotionTrack, ...]] | None = None
+    """Works out how objects move, of a run that goes on; None: motion.csv has it, where the frames are a sequence."""
+
+    @cached_property
+    def tracks(self) -> tuple[MotionTrack, ...]:
+        """The objects over the frames of a sequence; none where they are none.
+
+        Raises:
+            InputError: motion.csv is damaged.
+        """
+        from verefine_viz.batch.motion_table import read_tracks  # Most who read a batch need no motion.
+
+        return read_tracks(self.folder) if self.motion is None else self.motion()
 
     def sorted_by(self, order: Order) -> tuple[Answer, ...]:
         """The rows in one of :data:`ORDERS`; see :func:`sort_key`.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
@@ -18,7 +18,17 @@ from verefine_viz.core.files import reading
 from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.number_kinds import Id, Real
 from verefine_viz.core.writing import atomic
-from verefine_viz.evaluation.pose_motion import Kind, Motion, MotionCounts, PosedFrame, Reference, counted, motions
+from verefine_viz.evaluation.pose_motion import (
+    Kind,
+    Motion,
+    MotionCounts,
+    MotionMark,
+    PosedFrame,
+    Reference,
+    counted,
+    marks,
+    motions,
+)
 from verefine_viz.run.record import Answer, RunRecord
 
 MOTION = "motion.csv"
@@ -68,8 +78,7 @@ class MotionRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     @property
     def motion(self) -> Motion:
         """What it says about the motion."""
-        moved = {name: getattr(self, name) for name in Motion.__dataclass_fields__ if name != "frame"}
-        return Motion(self.frame, **moved)
+        return Motion(self.frame, **{name: getattr(self, name) for name in OF_MOTION})
 
 
 @dataclass(frozen=True)
@@ -91,6 +100,11 @@ class MotionTrack:
         """Flips, jumps, …"""
         return counted([row.motion for row in self.rows])
 
+    @property
+    def marks(self) -> tuple[MotionMark, ...]:
+        """Flips, jumps, and where it is lost and recovered."""
+        return marks([row.kind for row in self.rows])
+
     def marked(self, kind: Kind) -> tuple[str, ...]:
         """The frames in which it flips, jumps, …"""
         return tuple(row.frame for row in self.rows if row.kind == kind)
@@ -108,7 +122,7 @@ def motion_rows(results: Iterable[RunRecord], shapes: Shapes) -> Iterator[Motion
     """The rows of some frames, in their order; one scene is in memory at a time.
 
     Args:
-        results: of the frames, those of a scene in order and together.
+        results: of the frames, those of a scene in order and together; one without an end is not solved yet.
         shapes: of the objects; turns are asked for only where one turns by as much as a flip does.
     """
     for _, of_scene in groupby(results, lambda result: parse_frame(result.header.frame)[0]):
@@ -149,7 +163,7 @@ def _track_rows(
             T = None if row is None else row.T_cam_obj
             middle_m = middle_m if row is None or row.middle_m is None else row.middle_m
             header = result.header
-            poses.append(PosedFrame(header.frame, T, header.T_map_cam, header.T_table_cam))
+            poses.append(PosedFrame(header.frame, T, header.T_map_cam, header.T_table_cam, result.end is not None))
     first = next(iter(rows))
     symmetries = shapes.symmetries_of(obj_id, first)
     changes = motions(poses, middle_m, NO_TURNS, symmetries)
@@ -165,11 +179,12 @@ def _track_rows(
             obj_id=obj_id,
             instance_id=None if row is None else row.instance_id,
             name=name,
-            **{name: value for name, value in asdict(motion).items() if name != "frame"},
+            **{name: getattr(motion, name) for name in OF_MOTION},
             **({} if row is None else {name: getattr(row, name) for name in OF_OBJECT}),
         )
 
 
+OF_MOTION = tuple(name for name in Motion.__dataclass_fields__ if name != "frame")
 OF_OBJECT = ("score", "recorded_score", "missing_depth", "undetermined_mm", "undetermined_deg")
 """Columns that frames.csv has too."""
 
@@ -205,10 +220,15 @@ def read_tracks(folder: Path) -> tuple[MotionTrack, ...]:
     path = folder / MOTION
     if not path.is_file():
         return ()
-    tracks: dict[tuple[int, str], list[MotionRow]] = {}
     with reading(path) as file:
         cells = csv.DictReader(file.read().decode("utf-8", "replace").splitlines())
         rows = [msgspec.convert(_filled(row), MotionRow, strict=False) for row in cells]
+    return tracks_of(rows)
+
+
+def tracks_of(rows: Iterable[MotionRow]) -> tuple[MotionTrack, ...]:
+    """The objects, scene by scene."""
+    tracks: dict[tuple[int, str], list[MotionRow]] = {}
     for row in rows:
         tracks.setdefault((row.scene_id, row.track), []).append(row)
     return tuple(MotionTrack(tuple(rows)) for rows in tracks.values())

@@ -30,7 +30,7 @@ from verefine_viz.batch.machine import (
 from verefine_viz.batch.motion_table import MOTION, MotionTrack, read_tracks
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.runs import RUN_FILE, BatchInfo, RunTotals, read_run
-from verefine_viz.batch.sequence_output import SequenceOutput
+from verefine_viz.batch.sequence_output import SequenceOutput, is_sequence
 from verefine_viz.batch.session_check import check
 from verefine_viz.batch.totals import BatchCounts
 from verefine_viz.batch.worker_tasks import TaskName
@@ -332,10 +332,7 @@ class _Batch:
 
     @cached_property
     def _is_sequence(self) -> bool:
-        if self.task == "estimate":
-            return False
-        scene = self.session.scene
-        return scene.sequence or self.session.method.track or (scene.source == "folder" and self._source.is_sequence)
+        return self.task != "estimate" and is_sequence(self.session, self._source)
 
     def _write_end(self, status: str, spent_s: float) -> BatchFiles:
         """Writes tables and run.json; what is on the disk then."""

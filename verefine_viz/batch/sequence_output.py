@@ -22,6 +22,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.pose_motion import NO_SYMMETRY
 from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.run.record import RunRecord
@@ -29,6 +30,12 @@ from verefine_viz.scenes.source import SceneSource
 
 if TYPE_CHECKING:  # Rerun takes a second to load.
     from verefine_viz.recording.sequence_recording import SequenceFrame
+
+
+def is_sequence(session: Session, source: SceneSource) -> bool:
+    """Whether the frames of a scene are in order, as of a video."""
+    scene = session.scene
+    return scene.sequence or session.method.track or (scene.source == "folder" and source.is_sequence)
 
 
 @dataclass

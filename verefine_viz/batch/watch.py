@@ -10,9 +10,10 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +22,18 @@ from msgspec import structs
 from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.motion_table import MotionTrack, motion_rows, tracks_of
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.run_batch import Backend, BatchStatus, run_batch
 from verefine_viz.batch.runs import BatchInfo, Runs
+from verefine_viz.batch.sequence_output import SequenceOutput, is_sequence
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, one_line
-from verefine_viz.core.frame_names import frame_name
+from verefine_viz.core.frame_names import frame_name, parse_frame
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import check_folder, check_no_link, try_lock
 from verefine_viz.run.data_folder import CAMERAS, SCENES, data_at, holds_frames
-from verefine_viz.run.record import WAITING, Answer, RunRecord
+from verefine_viz.run.record import WAITING, Answer, RunRecord, awaited
 from verefine_viz.run.session_file import load_session, save_session
 from verefine_viz.scenes.source import open_scene
 from verefine_viz.scenes.trace_files import is_trace, traces_in, written_ns
@@ -63,6 +66,8 @@ class WatchedDataset:
     """When a frame that failed may be tried again [s]."""
     blocked_until: float = 0.0
     """When a session that could not be run is tried again [s]."""
+    shapes: SequenceOutput | None = None
+    """What is known of the objects' shapes; None where the frames are no sequence."""
     written: tuple[str, ...] = ()
     """Frames that are in the run's tables."""
     files: object = None
@@ -89,7 +94,9 @@ class WatchedDataset:
         """For the gallery: the answers in the order in which they came, then a row per frame that waits."""
         there = {*self.frames}
         done = [row for frame, result in self.results.items() if frame in there for row in _answers(result)]
-        return BatchIndex(self.out, self.session, BatchInfo(), (*done, *map(self._waiting_row, self.waiting)))
+        rows = (*done, *map(self._waiting_row, self.waiting))
+        motion = partial(_tracks, self.frames, {**self.results}, self.shapes)
+        return BatchIndex(self.out, self.session, BatchInfo(), rows, motion=motion)
 
     def _waiting_row(self, frame: str) -> Answer:
         return Answer(frame=frame, status="no_answer", method=self.session.method.name, message=WAITING)
@@ -117,6 +124,16 @@ class WatchedDataset:
             self.not_before[frame] = time.monotonic() + RETRY_S if tries else 0.0
         else:
             self.results[frame] = result
+
+
+def _tracks(
+    frames: Sequence[str], results: Mapping[str, RunRecord], shapes: SequenceOutput | None
+) -> tuple[MotionTrack, ...]:
+    """How objects move over frames that are solved or wait; nothing where these are no sequence."""
+    if shapes is None:
+        return ()
+    records = (results.get(frame) or awaited(frame) for frame in sorted(frames, key=parse_frame))
+    return tracks_of(motion_rows(records, shapes))
 
 
 def _answers(record: RunRecord) -> tuple[Answer, ...]:
@@ -231,7 +248,8 @@ class Watch:
         watched, files = self._watched.get(data), _state_of(data)
         if watched is None or watched.files != files:
             session = self._session(data)
-            frames = open_scene(session.scene, session.hypotheses).frames
+            source = open_scene(session.scene, session.hypotheses)
+            frames = source.frames
             if watched is None:
                 taken = {other.out.name for other in self._watched.values()}
                 out = self.out / _free(data.resolve().name, taken)
@@ -239,6 +257,7 @@ class Watch:
                 watched = self._watched[data] = WatchedDataset(out, session)
             if session != watched.session:
                 watched.session = session
+            watched.shapes = SequenceOutput(watched.out, source) if is_sequence(session, source) else None
             there = {*frames}
             watched.frames = tuple(dict.fromkeys((*(f for f in watched.frames if f in there), *frames)))
             watched.files = files

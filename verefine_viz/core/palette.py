@@ -123,10 +123,10 @@ MARK_COLORS: dict[str, RGB] = {
 MOTION_COLORS: dict[str, RGB] = {
     "flip": (235, 60, 200),
     "jump": (220, 50, 47),
-    "moved": (110, 150, 190),
-    "no pose": (138, 138, 138),
+    "lost": (230, 150, 40),
+    "recovered": (70, 160, 220),
 }
-"""What became of an object from one frame of a sequence to the next."""
+"""What stands out of an object from one frame of a sequence to the next."""
 
 CAUSE_COLORS: tuple[RGB, ...] = (
     (78, 121, 167),

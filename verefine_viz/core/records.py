@@ -77,6 +77,9 @@ TIMES = ("ms", "score_ms", "spent_s", "ms_refine", "ms_simulate", "ms_score", "m
 
 StageName = Literal["initial", "current", "simulated", "mixed", "refined", "flipped", "edited"]
 
+MarkKind = Literal["flip", "jump", "lost", "recovered"]
+"""What stands out of an object over the frames of a sequence (``evaluation/pose_motion.py``)."""
+
 EventKind = Literal[
     "kept_simulated",
     "kept_refined",

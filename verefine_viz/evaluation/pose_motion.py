@@ -7,20 +7,22 @@ object; relative to the support plane where one was detected, which leaves heigh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import angle_between
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.records import MarkKind
 
 FLIP_DEG, NEAR_DEG = 30.0, 20.0
 """A flip turns by more than the first, and a near-symmetry of the shape explains it to less than the second."""
 JUMP_DEG, JUMP_MM = 30.0, 50.0
-"""A larger turn or shift between two frames that no near-symmetry explains is a jump."""
+"""A larger turn or shift from one frame to the next that no near-symmetry explains is a jump. All limits grow with
+the number of frames without a pose between: an object goes on moving while it is lost."""
 
-Kind = Literal["flip", "jump", "moved", "no pose"]
+Kind = Literal["flip", "jump", "moved", "no pose", "not solved"]
 Reference = Literal["world", "camera"]
 
 
@@ -35,6 +37,8 @@ class PosedFrame:
     """(4, 4) camera to the data set's world [m]; None = unknown."""
     T_table_cam: Float | None = None
     """(4, 4) camera to a frame on the support plane whose z is up [m]; None = unknown."""
+    is_solved: bool = True
+    """Whether it could have a pose; False of a frame that waits."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ class Motion:
 
     frame: str
     kind: Kind
-    """no pose: of this frame. The first frame with a pose has moved by 0."""
+    """no pose, not solved: of this frame. The first frame with a pose has moved by 0."""
     reference: Reference = "camera"
     """What ``moved_mm`` and ``turned_deg`` are relative to."""
     moved_mm: float = 0.0
@@ -72,69 +76,109 @@ def motions(
         turns: (N, 4, 4) turns of the object's frame after which its shape nearly looks the same; may be empty.
         symmetries: (S, 4, 4) those that are declared, the identity first: what they do is no motion.
     """
-    changes: list[Motion] = []
-    first: PosedFrame | None = None
-    before: PosedFrame | None = None
-    for now in poses:
-        if now.T_cam_obj is None:
-            changes.append(Motion(now.frame, "no pose"))
-            continue
-        first = first or now
-        changes.append(_motion(first, _nearest(before or now, now, symmetries), now, middle_m, turns))
-        before = now
-    return tuple(changes)
-
-
-def _nearest(before: PosedFrame, now: PosedFrame, symmetries: Float) -> PosedFrame:
-    """The pose before as the symmetry has it that is nearest to the pose now."""
-    if len(symmetries) == 1 or before.T_cam_obj is None or now.T_cam_obj is None:
-        return before
-    T_before, T_now = _world_poses(before, now)
-    R_rest = T_now[:3, :3].T @ T_before[:3, :3]
-    best = int(np.argmax(np.einsum("ij,sji->s", R_rest, symmetries[:, :3, :3])))  # The largest trace turns least.
-    return replace(before, T_cam_obj=before.T_cam_obj @ symmetries[best])
-
-
-def _motion(first: PosedFrame, before: PosedFrame, now: PosedFrame, middle_m: Float, turns: Float) -> Motion:
-    is_in_world = before.T_map_cam is not None and now.T_map_cam is not None
-    T_before, T_now = _world_poses(before, now)
-    moved_mm = _apart_mm(T_before, T_now, middle_m)
-    turned_deg = _degrees(T_before, T_now)
-    kind: Kind = "jump" if turned_deg > JUMP_DEG or moved_mm > JUMP_MM else "moved"
-    if turned_deg > FLIP_DEG and moved_mm <= JUMP_MM:
-        left_deg = min((_degrees(T_before @ turn, T_now) for turn in turns), default=180.0)
-        kind = "flip" if left_deg < NEAR_DEG else "jump"
-    lifted_mm, tilted_deg, drift_mm = None, None, None
-    if before.T_table_cam is not None and now.T_table_cam is not None:
-        on_before, on_now = (_object_in_frame(pose.T_table_cam, pose) for pose in (before, now))
-        lifted_mm = 1e3 * float((on_now[2, :3] - on_before[2, :3]) @ middle_m + on_now[2, 3] - on_before[2, 3])
-        up_before, up_now = on_before[2, :3], on_now[2, :3]  # The plane's normal as the object has it.
-        tilted_deg = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(up_before, up_now)), up_before @ up_now)))
-    if first.T_map_cam is not None and now.T_map_cam is not None:
-        drift_mm = _apart_mm(_object_in_frame(first.T_map_cam, first), _object_in_frame(now.T_map_cam, now), middle_m)
-    return Motion(
-        now.frame, kind, "world" if is_in_world else "camera", moved_mm, turned_deg, lifted_mm, tilted_deg, drift_mm
+    places = [i for i, pose in enumerate(poses) if pose.T_cam_obj is not None]
+    posed = _posed_motions([poses[i] for i in places], np.array(places), middle_m, turns, symmetries) if places else []
+    at = dict(zip(places, posed, strict=True))
+    return tuple(
+        at[i] if i in at else Motion(pose.frame, "no pose" if pose.is_solved else "not solved")
+        for i, pose in enumerate(poses)
     )
 
 
-def _world_poses(before: PosedFrame, now: PosedFrame) -> tuple[Float, Float]:
-    """Both poses in the world where both cameras are known, else in the cameras' frames."""
-    if before.T_map_cam is None or now.T_map_cam is None:
-        return _object_in_frame(None, before), _object_in_frame(None, now)
-    return _object_in_frame(before.T_map_cam, before), _object_in_frame(now.T_map_cam, now)
+def _posed_motions(
+    posed: Sequence[PosedFrame], places: NDArray[np.int64], middle_m: Float, turns: Float, symmetries: Float
+) -> list[Motion]:
+    """Of the frames that have a pose, which are so many places apart in the sequence."""
+    before = np.maximum(np.arange(len(posed)) - 1, 0)
+    n_frames = np.maximum(places - places[before], 1)
+    T_cam_obj = np.array([pose.T_cam_obj for pose in posed])
+    T_map_cam, has_map = _stacked([pose.T_map_cam for pose in posed])
+    T_table_cam, has_table = _stacked([pose.T_table_cam for pose in posed])
+    in_world = has_map & has_map[before]
+    T_now = np.where(in_world[:, None, None], T_map_cam @ T_cam_obj, T_cam_obj)
+    T_before = np.where(in_world[:, None, None], (T_map_cam @ T_cam_obj)[before], T_cam_obj[before])
+    # The pose before as the symmetry has it that is nearest to the pose now: the largest trace turns least.
+    R_rest = np.swapaxes(T_now, 1, 2)[:, :3, :3] @ T_before[:, :3, :3]
+    nearest = symmetries[np.argmax(np.einsum("nij,sji->ns", R_rest, symmetries[:, :3, :3]), axis=1)]
+    T_before = T_before @ nearest
+
+    moved_mm, turned_deg = _apart_mm(T_before, T_now, middle_m), _degrees(T_before, T_now)
+    turns_much, is_far = turned_deg > FLIP_DEG * n_frames, moved_mm > JUMP_MM * n_frames
+    is_jump = is_far | (turned_deg > JUMP_DEG * n_frames)
+    is_flip = np.zeros(len(posed), np.bool_)
+    for i in np.flatnonzero(turns_much & ~is_far) if len(turns) else ():
+        is_flip[i] = _degrees(T_before[i] @ turns, T_now[i]).min() < NEAR_DEG
+
+    on_table = has_table & has_table[before]
+    on_now, on_before = T_table_cam @ T_cam_obj, T_table_cam[before] @ T_cam_obj[before] @ nearest
+    lifted_mm = 1e3 * (_points(on_now, middle_m) - _points(on_before, middle_m))[:, 2]
+    up_now, up_before = on_now[:, 2, :3], on_before[:, 2, :3]  # The plane's normal as the object has it.
+    tilted_deg = np.degrees(
+        np.arctan2(np.linalg.norm(np.cross(up_before, up_now), axis=-1), (up_before * up_now).sum(axis=-1))
+    )
+    in_map = T_map_cam @ T_cam_obj
+    drift_mm, has_drift = _apart_mm(in_map[:1], in_map, middle_m), has_map & has_map[0]
+    return [
+        Motion(
+            pose.frame,
+            "flip" if is_flip[i] else "jump" if is_jump[i] else "moved",
+            "world" if in_world[i] else "camera",
+            float(moved_mm[i]),
+            float(turned_deg[i]),
+            float(lifted_mm[i]) if on_table[i] else None,
+            float(tilted_deg[i]) if on_table[i] else None,
+            float(drift_mm[i]) if has_drift[i] else None,
+        )
+        for i, pose in enumerate(posed)
+    ]
 
 
-def _object_in_frame(T_frame_cam: Float | None, pose: PosedFrame) -> Float:
-    assert pose.T_cam_obj is not None
-    return pose.T_cam_obj if T_frame_cam is None else T_frame_cam @ pose.T_cam_obj
+def _stacked(transforms: Sequence[Float | None]) -> tuple[Float, Mask]:
+    """Transforms (N, 4, 4), the identity where one is unknown, and whether each is known (N,)."""
+    known = np.array([T is not None for T in transforms], np.bool_)
+    return np.array([np.eye(4) if T is None else T for T in transforms]), known
 
 
-def _apart_mm(T_a: Float, T_b: Float, point_m: Float) -> float:
-    return 1e3 * float(np.linalg.norm((T_b - T_a)[:3, :3] @ point_m + (T_b - T_a)[:3, 3]))
+def _points(T: Float, point_m: Float) -> Float:
+    """A point (3,) under transforms (N, 4, 4): (N, 3)."""
+    return T[:, :3, :3] @ point_m + T[:, :3, 3]
 
 
-def _degrees(T_a: Float, T_b: Float) -> float:
-    return float(np.degrees(angle_between(T_a[:3, :3], T_b[:3, :3])))
+def _apart_mm(T_a: Float, T_b: Float, point_m: Float) -> Float:
+    return 1e3 * np.linalg.norm(_points(T_b - T_a, point_m), axis=-1)
+
+
+def _degrees(T_a: Float, T_b: Float) -> Float:
+    """Angles (N,) between rotations; as ``core.geometry.angle_between`` of each."""
+    R = np.swapaxes(T_a[..., :3, :3], -1, -2) @ T_b[..., :3, :3]
+    sines = R[..., [2, 0, 1], [1, 2, 0]] - R[..., [1, 2, 0], [2, 0, 1]]
+    return np.degrees(np.arctan2(np.linalg.norm(sines, axis=-1), np.trace(R, axis1=-2, axis2=-1) - 1))
+
+
+@dataclass(frozen=True)
+class MotionMark:
+    """What stands out in a sequence."""
+
+    place: int
+    """Of the frame, from 0."""
+    kind: MarkKind
+    """lost: it had a pose in the last frame that was solved, and has none; recovered: it has one again."""
+
+
+def marks(kinds: Sequence[Kind]) -> tuple[MotionMark, ...]:
+    """What stands out among the motions of an object, given the kind of each frame's; a frame may have two."""
+    found: list[MotionMark] = []
+    had_pose: bool | None = None
+    for place, kind in enumerate(kinds):
+        if kind == "not solved":
+            continue
+        has_pose = kind != "no pose"
+        if had_pose is not None and has_pose != had_pose:
+            found.append(MotionMark(place, "recovered" if has_pose else "lost"))
+        if kind == "flip" or kind == "jump":
+            found.append(MotionMark(place, kind))
+        had_pose = has_pose if had_pose is not None or has_pose else None
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -177,7 +221,7 @@ class MotionCounts:
 def counted(changes: Sequence[Motion]) -> MotionCounts:
     """The changes of one object, summed up."""
     of_kind = {kind: sum(motion.kind == kind for motion in changes) for kind in ("flip", "jump", "no pose")}
-    posed = [motion for motion in changes if motion.kind != "no pose"]
+    posed = [motion for motion in changes if motion.kind not in ("no pose", "not solved")]
     plain = [motion for motion in posed[1:] if motion.kind == "moved"]
     return MotionCounts(
         len(changes),

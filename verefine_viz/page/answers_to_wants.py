@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
+from verefine_viz.core.records import MarkKind
 from verefine_viz.page.frame_messages import Box, Polygon
 from verefine_viz.page.wire import Answer, Message, Part, Pose
 
@@ -440,41 +441,50 @@ class RecordedAnswer(Answer, frozen=True):
     """Rank correlation of both scores; null of fewer than four."""
 
 
-class TrackFrame(Part, frozen=True):
-    """The object in one frame; what is unknown is null."""
+class SequenceLane(Part, frozen=True):
+    """An object over the frames."""
 
-    frame: str
-    kind: Literal["flip", "jump", "moved", "no pose"]
-    moved_mm: float
-    """Since the last frame with a pose."""
-    turned_deg: float
-    lifted_mm: float | None
-    """Away from the support plane."""
-    tilted_deg: float | None
-    """Against the support plane."""
-    score: float | None = None
-    err: float | None = None
-    """ADD(-S) [mm]."""
-    recorded_score: float | None = None
-    """Another program's."""
-    undetermined_mm: float | None = None
-    undetermined_deg: float | None = None
-    missing_depth: float | None = None
-    """Share of the object's pixels without depth."""
-
-
-class TrackAnswer(Answer, frozen=True):
-    """An object over the frames of a sequence; without frames where they are none."""
-
-    frames: Sequence[TrackFrame]
+    name: str
+    object: int
+    """Its model."""
     words: str
-    jump_mm: float
-    """Larger changes are jumps."""
-    jump_deg: float
+    """How it moves; "" where the frames are no sequence."""
+
+
+class SequenceMark(Part, frozen=True, array_like=True):
+    """What stands out; ``[lane, frame, kind]``, both by their places."""
+
+    lane: int
+    frame: int
+    kind: MarkKind
+
+
+class SequenceAnswer(Answer, frozen=True):
+    """The objects of a scene over its frames; no lanes where fewer than two frames have answers.
+
+    Arrays over lanes and frames: state, 0 nothing, 1 pose, 2 no pose, 3 not solved; key in the gallery, -1 = in none;
+    and those of the following that are known: err, ADD(-S) [mm]; share, that of the diameter; score; recorded_score,
+    another program's; colour_fit; moved_mm and turned_deg since the last frame with a pose; undetermined_mm;
+    missing_depth, share of the object's pixels. NaN = no value.
+    """
+
+    run: str
+    """Of the batch; "" = none."""
+    scene: int
+    scenes: Sequence[int]
+    """All that there are."""
+    frames: Sequence[str]
+    lanes: Sequence[SequenceLane]
+    marks: Sequence[SequenceMark]
     reference: Literal["world", "camera"]
     """What motions are relative to."""
     legend: dict[str, str]
-    """What each kind means."""
+    """What each kind of mark means; empty where the frames are no sequence."""
+    jump_mm: float
+    """Larger changes are jumps."""
+    jump_deg: float
+    blob: str
+    arrays: Sequence[StoredArray]
 
 
 # evaluate
@@ -556,7 +566,7 @@ class PointAnswer(Answer, frozen=True):
 
 AnyAnswer = (
     MapsAnswer | OutlinesAnswer | DoubtAnswer | ShadedAnswer | PhysicsAnswer | PointAnswer | RefinedAnswer
-    | CurvesAnswer | SliceAnswer | OtherAnswer | CompareAnswer | CropsAnswer | RecordedAnswer | TrackAnswer
+    | CurvesAnswer | SliceAnswer | OtherAnswer | CompareAnswer | CropsAnswer | RecordedAnswer | SequenceAnswer
     | GraspAnswer | GoneAnswer
 )  # fmt: skip
 

@@ -34,7 +34,7 @@ def open_other(d: PageState, verb: Open, window: int | None) -> None:
 
 
 def _open(d: PageState, verb: Open, window: int | None) -> None:
-    space = d.space
+    space, obj = d.space, None
     if verb.answer is not None:
         entry = open_gallery(d.gallery).answer(verb.answer)
         _open_answer(d, entry)
@@ -48,6 +48,7 @@ def _open(d: PageState, verb: Open, window: int | None) -> None:
         return
     if verb.frame:
         space.open_frame(verb.frame)
+        obj = next((i.instance_id for i in space.problem.instances if i.obj_id == verb.object), None)
     elif verb.recording:
         space.open_recording(expand_home(verb.recording))
         d.enter_run("")
@@ -71,15 +72,15 @@ def _open(d: PageState, verb: Open, window: int | None) -> None:
         raise InputError("open what? Name a frame, a session, a recording, a batch, a demo, an answer or a link")
     d.send_frame()
     d.repeat_recorded()
-    d.show(None, None, None)
+    d.show(None, obj, None)
 
 
 def _open_link(d: PageState, link: PageLink, window: int | None) -> None:
     """Open what a link names; the frame that is open stays where it is unless the link names an iteration."""
     space = d.space
     frame = link.frame or space.frame
-    if frame != space.frame or (link.run and link.run != d.batch_run):
-        _enter(d, link.run or d.batch_run, frame)
+    if frame != space.frame or (link.run and link.run != d.space.batch_run):
+        _enter(d, link.run or d.space.batch_run, frame)
     obj, instances = link.instance, d.space.problem.instances
     if link.object is not None:
         named = [i.instance_id for i in instances if i.obj_id == link.object]

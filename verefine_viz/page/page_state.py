@@ -107,8 +107,6 @@ class PageState:
         self.space, self.post, self.blobs = space, post, blobs or Blobs()
         self.gallery, self.demos, self.list_sessions = gallery, demos, sessions
         self.write, self.progress = write, progress
-        self.batch_run = ""
-        """The batch run whose session is open; "" = none is."""
         self.enter_run(gallery.worst.run if gallery is not None else "")
         self.goals: dict[int, Goal] = {}
         """What is computed, by branch; in turns where there are several."""
@@ -187,8 +185,8 @@ class PageState:
 
     def enter_run(self, run: str) -> None:
         """Note which batch run the open session is of; "" = none."""
-        self.batch_run = run
-        self.space.batch = self.gallery.runs[run].folder if self.gallery is not None and run else None
+        self.space.batch_run = run
+        self.space.runs = {} if self.gallery is None else self.gallery.runs
 
     def repeat_recorded(self) -> None:
         """Take the steps that another program recorded: what is over already opens at its end."""
@@ -219,9 +217,10 @@ class PageState:
         if not isinstance(self.gallery, LiveGallery):
             return
         self.gallery = gallery = self.gallery.refreshed()
+        space.runs = gallery.runs
         frames = None
-        if self.batch_run and space.tools.session == gallery.session(self.batch_run):
-            frames = space.frames = gallery.frames(self.batch_run)
+        if self.space.batch_run and space.tools.session == gallery.session(self.space.batch_run):
+            frames = space.frames = gallery.frames(self.space.batch_run)
         self.post(answers_message(gallery, frames), None)
 
     def step(self, branch: Branch) -> None:
@@ -320,7 +319,7 @@ class PageState:
         sessions = self.list_sessions()
         shown = {path.stem for path in sessions if path.stem.startswith("failure_")}  # By titles that say less.
         demos = [name for name in self.demos if name not in shown]
-        return frame_message(self.space, blobs, self.batch_run, demos, titled(sessions))
+        return frame_message(self.space, blobs, self.space.batch_run, demos, titled(sessions))
 
     def _verdict(self, branch: Branch) -> VerdictMessage:
         return verdict_message(branch, self._batch_rows(branch))
@@ -330,13 +329,15 @@ class PageState:
         gallery, space = self.gallery, self.space
         if (
             gallery is None
-            or not self.batch_run
+            or not self.space.batch_run
             or branch is not space.work.first
-            or (branch.recording is None and branch.settings.method != gallery.session(self.batch_run).method)
+            or (branch.recording is None and branch.settings.method != gallery.session(self.space.batch_run).method)
         ):
             return {}
         made_by = branch.settings.method.name
-        rows = (row for row in gallery.runs[self.batch_run].rows if (row.frame, row.method) == (space.frame, made_by))
+        rows = (
+            row for row in gallery.runs[self.space.batch_run].rows if (row.frame, row.method) == (space.frame, made_by)
+        )
         return {row.instance_id: row for row in rows if row.instance_id is not None}
 
     # Work aside

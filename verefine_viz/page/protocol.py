@@ -195,6 +195,8 @@ class Open(Verb):
     """Open something else; one of the fields says what."""
 
     frame: Text = ""
+    object: Index | None = None
+    """With a frame: the model that comes into focus."""
     demo: Text = ""
     session: Text = ""
     recording: Text = ""
@@ -378,12 +380,15 @@ class CropsWanted(Wanted):
     branch: Index = 0
 
 
-class TrackWanted(Wanted):
-    """An object over the frames of a sequence."""
+class SequenceWanted(Wanted):
+    """The objects of a scene over its frames."""
 
-    obj: int
-    done: bool = False
-    """Whether the open frame is solved: a browser asks again when it is."""
+    run: Text = ""
+    """Of the batch that is open; "" = that of the open frame, or none."""
+    scene: Index | None = None
+    """null = that of the open frame."""
+    done: Index = 0
+    """Answers that are there: a browser asks again when there are more."""
 
 
 class RecordedWanted(Wanted):
@@ -397,7 +402,7 @@ class RecordedWanted(Wanted):
 
 AnyWant = (
     MapsWanted | OutlinesWanted | DoubtWanted | ShadedWanted | PhysicsWanted | PointWanted | RefinedWanted
-    | LandscapeWanted | ComparisonWanted | CropsWanted | TrackWanted | RecordedWanted
+    | LandscapeWanted | ComparisonWanted | CropsWanted | SequenceWanted | RecordedWanted
 )  # fmt: skip
 
 

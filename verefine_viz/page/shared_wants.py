@@ -67,6 +67,8 @@ class SharedBranch:
                 yield from self._maps_of(0, obj, self._truths.get(obj), *(arm.T for arm in arms))
             if obj in self._focus and obj in self._answers:
                 yield from self._of_answer(obj)
+        if self._answers:
+            yield {"what": "sequence", "run": "", "scene": None, "done": 1}
         for k in range(len(self._doubts)):
             yield {"what": "doubt", "index": k, "branch": self._branch.index}
         if self._is_whole and len(self._objects) > 1:
@@ -109,7 +111,6 @@ class SharedBranch:
         if result.k or last:
             yield {"what": "crops", "branch": self._branch.index, "k": result.k or last}
         yield {"what": "recorded", "branch": self._branch.index, "obj": obj, "done": n}
-        yield {"what": "track", "obj": obj, "done": True}
 
     def _together(self) -> Iterator[Json]:
         """Return the maps of all objects in one picture: where they stand at the end, and where they truly are."""

@@ -11,7 +11,6 @@ from verefine_viz.page.answers_to_wants import AnyAnswer
 from verefine_viz.page.views.comparison import comparison
 from verefine_viz.page.views.crops import crops
 from verefine_viz.page.views.doubt_picture import doubt
-from verefine_viz.page.views.object_track import track
 from verefine_viz.page.views.physics import physics
 from verefine_viz.page.views.pixel_maps import maps
 from verefine_viz.page.views.pixel_point import point
@@ -19,6 +18,7 @@ from verefine_viz.page.views.pose_outlines import outlines
 from verefine_viz.page.views.recorded_poses import recorded
 from verefine_viz.page.views.refined_here import refined_here
 from verefine_viz.page.views.score_landscape import landscape
+from verefine_viz.page.views.sequence import sequence
 from verefine_viz.page.views.shaded_model import shaded
 from verefine_viz.pictures.shaded_models import shaded_picture
 from verefine_viz.pictures.silhouettes import outline
@@ -36,6 +36,6 @@ ANSWERS: dict[type, Callable[..., AnyAnswer]] = {
     p.DoubtWanted: partial(doubt, outline_of=outline, edges_of=depth_edges),
     p.ShadedWanted: partial(shaded, picture_of=shaded_picture),
     p.CropsWanted: crops,
-    p.TrackWanted: track,
+    p.SequenceWanted: sequence,
     p.RecordedWanted: recorded,
 }

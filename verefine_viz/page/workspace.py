@@ -39,6 +39,7 @@ from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.scenes.recorded_source import RecordedPose, RecordedSource
 
 if TYPE_CHECKING:
+    from verefine_viz.batch.index import BatchIndex
     from verefine_viz.labels.desk import LabelDesk
     from verefine_viz.run.toolbox import Toolbox
 
@@ -125,8 +126,10 @@ class Workspace:
         self._opened = count(1)
         self.grasps = GraspTrials()
         self._desk: LabelDesk | None = None
-        self.batch: Path | None = None
-        """Folder of the batch run whose answers are shown; None = no batch is open."""
+        self.runs: Mapping[str, BatchIndex] = {}
+        """The batch runs whose answers are shown, by name."""
+        self.batch_run = ""
+        """The one whose session is open; "" = none is."""
         if recording is not None:
             self.open_recording(recording)
         else:
@@ -266,25 +269,23 @@ class Workspace:
         """Return the branches of the other frames that were looked at last."""
         return tuple(work.shown for work in self._works.values() if branch.index not in work.branches)
 
-    def solved(self, obj_id: int) -> dict[str, tuple[Target, Best]]:
-        """Return by frame the answer for an object, where a run was finished; of several of the object the first."""
-        answers: dict[str, tuple[Target, Best]] = {}
+    @property
+    def solved(self) -> dict[str, list[tuple[Target, Best]]]:
+        """The answers by frame, where a run was finished and has any."""
+        answers: dict[str, list[tuple[Target, Best]]] = {}
         for frame, work in self._works.items():
             run = work.first.run
             if run.is_done and run.length:
                 for target, best in zip(run.problem.targets, run.final_state.best, strict=True):
-                    if best is not None and target.instance.obj_id == obj_id:
-                        answers.setdefault(frame, (target, best))
+                    if best is not None:
+                        answers.setdefault(frame, []).append((target, best))
         return answers
 
-    def final_scores(self, obj_id: int) -> dict[str, float]:
-        """Return by frame the score of the answer for an object, where a run was finished."""
-        return {frame: best.score.score for frame, (_, best) in self.solved(obj_id).items()}
-
-    def recorded_track(self, obj_id: int) -> tuple[RecordedPose, ...]:
-        """Return the poses of an object that another program recorded, frame by frame; none where no program did."""
+    @property
+    def recorded_tracks(self) -> Mapping[int, tuple[RecordedPose, ...]]:
+        """The poses by obj_id that another program recorded, frame by frame; none where no program did."""
         source = getattr(self.tools, "source", None)
-        return source.tracks.get(obj_id, ()) if isinstance(source, RecordedSource) else ()
+        return source.tracks if isinstance(source, RecordedSource) else {}
 
     def session_of(self, branch: Branch) -> Session:
         """Return what a session file has to say to repeat a branch, with the poses moved in other frames."""

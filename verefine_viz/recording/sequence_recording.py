@@ -20,6 +20,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
+from verefine_viz.evaluation.pose_motion import Kind, marks
 from verefine_viz.recording.background import DRAWN_FACES, drawn_mesh
 from verefine_viz.recording.drawn_poses import NOWHERE
 from verefine_viz.recording.recording_file import RecordingFile
@@ -49,8 +50,7 @@ class SequenceFrame:
     """(4, 4) the answer [m]; None where it has none."""
     T_map_cam: Float | None
     """(4, 4) camera to the data set's world [m]; None = unknown."""
-    kind: str
-    """moved, flip, jump or no pose."""
+    kind: Kind
     numbers: Mapping[str, float | None]
     """By the names in :data:`CURVES`; None = unknown."""
 
@@ -102,10 +102,9 @@ def _log_scene(file: RecordingFile, root: str, tracks: Sequence[SequenceTrack]) 
         _log_poses(file, f"{root}/objects/{name}", f"{root}/paths/{name}", track, color, is_in_world)
         for curve in CURVES:
             _log_curve(file, f"{root}/curves/{curve}/{name}", track, curve, color)
-        for one in track.frames:
-            if one.kind != "moved":
-                words = rr.TextLog.columns(text=[f"{track.name}: {one.kind}"], level=["WARN"], color=[color])
-                file.send(f"{root}/events/{name}", [one.im_id], words, timeline=FRAME)
+        for mark in marks([one.kind for one in track.frames]):
+            words = rr.TextLog.columns(text=[f"{track.name}: {mark.kind}"], level=["WARN"], color=[color])
+            file.send(f"{root}/events/{name}", [track.frames[mark.place].im_id], words, timeline=FRAME)
 
 
 def _log_poses(
@@ -165,7 +164,7 @@ def _scene_view(root: str, scene_id: int, tracks: Sequence[SequenceTrack]) -> rr
     ]
     contents = [f"+ {root}/objects/**", f"+ {root}/paths/**", f"+ {root}/camera"]
     scene = rrb.Spatial3DView(origin=root, contents=contents, name="Answers", background=DARK)
-    events = rrb.TextLogView(origin=f"{root}/events", name="Flips, jumps, frames without a pose")
+    events = rrb.TextLogView(origin=f"{root}/events", name="Flips, jumps, lost and recovered")
     return rrb.Horizontal(
         rrb.Vertical(scene, events, row_shares=[3, 1]), rrb.Vertical(*curves), name=f"Scene {scene_id}"
     )

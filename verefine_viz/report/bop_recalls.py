@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from msgspec import structs
 
-from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.runs import Runs
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.frame_names import parse_frame
@@ -28,6 +28,9 @@ from verefine_viz.run.answers import result_rows
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.results_csv import ResultRow
 from verefine_viz.scenes.source import open_scene
+
+if TYPE_CHECKING:
+    from verefine_viz.batch.index import BatchIndex
 
 Place = tuple[Path, str, int]
 """Folder of a run, frame, obj_id."""

@@ -303,6 +303,11 @@ class RunRecord(Struct, frozen=True, eq=False):
         return self.end is not None and not self.missing
 
 
+def awaited(frame: str) -> RunRecord:
+    """The record of a frame that is not solved yet: its name alone."""
+    return RunRecord(RunHeader(FORMAT, "", frame, "", {}, ()))
+
+
 def unsolved(frame: str, one: LeftOut, status: Status, message: str, method: str, seed: int | None = None) -> Answer:
     """The answer about an object that was not solved, and why."""
     return Answer(

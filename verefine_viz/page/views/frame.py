@@ -14,7 +14,6 @@ from verefine_viz.core.presets import PRESETS
 from verefine_viz.core.problem import LeftOut, Problem, Target
 from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.methods.known_methods import ALL_METHOD_NAMES, method_of
-from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.frame_messages import (
     Camera,
     Choices,
@@ -37,6 +36,7 @@ from verefine_viz.pictures.support_patch import support_patch
 from verefine_viz.refiners.registry import REFINERS
 
 if TYPE_CHECKING:
+    from verefine_viz.page.blobs import Blobs
     from verefine_viz.page.branch import Branch
     from verefine_viz.page.workspace import Workspace
 

@@ -5,6 +5,7 @@ import { addressOf, send, state, useStore } from "./store.js";
 import { counted, IconButton, Light } from "./ui.js";
 import { titled } from "./keys.js";
 import { presets, setPreset } from "./layout.js";
+import { Sequence, Switch } from "./sequence.js";
 
 const MOST = 60; // frames to either side of the open one that are in the page
 
@@ -35,7 +36,7 @@ function FrameCell({ i }) {
 }
 
 export function FrameStrip() {
-  const frame = useStore((s) => (hasStrip(s) ? s.frame : null));
+  const frame = useStore((s) => (hasStrip(s) && s.view.preset !== "gallery" ? s.frame : null)); // there all of them are
   const host = useRef(null);
   const at = frame ? frame.frames.indexOf(frame.frame) : -1;
   useLayoutEffect(() => {
@@ -55,9 +56,9 @@ export function FrameStrip() {
 
 const MOST_CARDS = 400;
 export function FrameCards() {
-  const frame = useStore((s) => s.frame);
+  const [frame, isSequence] = useStore((s) => [s.frame, s.sequence.on]);
   const { frames } = frame;
-  return html`<header class="gallery-bar"><h2>${frames.length} frames</h2><span class="dim">No batch is open: <kbd>verefine-viz batch</kbd> solves them all.</span></header>
-    <div class="frame-cards scroll">${frames.slice(0, MOST_CARDS).map((name, i) => html`<${FrameCell} key=${name} i=${i} />`)}
-      ${frames.length > MOST_CARDS && html`<p class="dim">and ${frames.length - MOST_CARDS} more</p>`}</div>`;
+  return html`<header class="gallery-bar"><${Switch} /><h2>${frames.length} frames</h2><span class="dim">No batch is open: <kbd>verefine-viz batch</kbd> solves them all.</span></header>
+    ${isSequence ? html`<${Sequence} />` : html`<div class="frame-cards scroll">${frames.slice(0, MOST_CARDS).map((name, i) => html`<${FrameCell} key=${name} i=${i} />`)}
+      ${frames.length > MOST_CARDS && html`<p class="dim">and ${frames.length - MOST_CARDS} more</p>`}</div>`}`;
 }

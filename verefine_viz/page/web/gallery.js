@@ -9,6 +9,7 @@ import { addKeys } from "./keys.js";
 import { toast } from "./toasts.js";
 import { Plot } from "./gallery_plot.js";
 import { FrameCards, hasStrip } from "./frame_strip.js";
+import { hasSequence, Sequence, Switch } from "./sequence.js";
 
 /** @import { GalleryRow } from "./messages.d.ts" */
 
@@ -41,9 +42,10 @@ const tipOf = (row) => [
 
 export function Gallery() {
   const answers = useStore((s) => s.answers);
-  const isSequence = useStore(hasStrip);
-  if (!answers && isSequence) return html`<${FrameCards} />`;
+  const [isFrames, isSequence] = useStore((s) => [hasStrip(s), s.sequence.on && hasSequence(s)]);
+  if (!answers && isFrames) return html`<${FrameCards} />`;
   if (!answers) return html`<${NoBatch} />`;
+  if (isSequence) return html`<${SequenceBar} /><${Sequence} />`;
   return html`<${Bar} /><div class="gallery-body"><${Cards} /><${Facets} /></div>`;
 }
 
@@ -67,13 +69,15 @@ function NoBatch() {
 }
 const shellWord = (text) => (/^[\w./~-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
 
+const SequenceBar = () => html`<header class="gallery-bar"><${Switch} /><h2 title=${state.answers.outcome}>${state.answers.outcome}</h2></header>`;
+
 function Bar() {
   const [answers, gallery] = useStore((s) => [s.answers, s.gallery]);
   const rows = visible(state);
   const { selected, only, search } = gallery;
   const notes = [answers.doubt, ...answers.notes, ...answers.faults, answers.unfinished ? `Runs without a finished frame: ${answers.unfinished}` : ""].filter(Boolean);
   const isFiltered = search || Object.values(only).some((values) => values.length);
-  return html`<header class="gallery-bar">
+  return html`<header class="gallery-bar"><${Switch} />
     <h2 title=${answers.outcome}>${answers.outcome}</h2>
     ${notes.length > 0 && html`<span class="doubt" title=${notes.join("\n")}><${Icon} name="warn" />${notes.length === 1 ? notes[0] : `${notes.length} notes`}</span>`}
     <span class="spring" />

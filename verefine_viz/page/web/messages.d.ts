@@ -829,6 +829,8 @@ export interface Refine {
 export interface Open {
   verb: "open";
   frame?: string;
+  /** With a frame: the model that comes into focus. */
+  object?: number | null;
   demo?: string;
   session?: string;
   recording?: string;
@@ -1008,12 +1010,15 @@ export interface CropsWanted {
   branch?: number;
 }
 
-/** An object over the frames of a sequence. */
-export interface TrackWanted {
-  what: "track";
-  obj: number;
-  /** Whether the open frame is solved: a browser asks again when it is. */
-  done?: boolean;
+/** The objects of a scene over its frames. */
+export interface SequenceWanted {
+  what: "sequence";
+  /** Of the batch that is open; "" = that of the open frame, or none. */
+  run?: string;
+  /** null = that of the open frame. */
+  scene?: number | null;
+  /** Answers that are there: a browser asks again when there are more. */
+  done?: number;
 }
 
 /** What another program recorded of an object's poses, beside our scores. */
@@ -1563,41 +1568,46 @@ export interface RecordedPose {
   note: string;
 }
 
-/** An object over the frames of a sequence; without frames where they are none. */
-export interface TrackAnswer {
-  what: "track";
-  frames: TrackFrame[];
-  words: string;
+/**
+ * The objects of a scene over its frames; no lanes where fewer than two frames have answers.
+ *
+ * Arrays over lanes and frames: state, 0 nothing, 1 pose, 2 no pose, 3 not solved; key in the gallery, -1 = in none;
+ * and those of the following that are known: err, ADD(-S) [mm]; share, that of the diameter; score; recorded_score,
+ * another program's; colour_fit; moved_mm and turned_deg since the last frame with a pose; undetermined_mm;
+ * missing_depth, share of the object's pixels. NaN = no value.
+ */
+export interface SequenceAnswer {
+  what: "sequence";
+  /** Of the batch; "" = none. */
+  run: string;
+  scene: number;
+  /** All that there are. */
+  scenes: number[];
+  frames: string[];
+  lanes: SequenceLane[];
+  marks: SequenceMark[];
+  /** What motions are relative to. */
+  reference: "camera" | "world";
+  /** What each kind of mark means; empty where the frames are no sequence. */
+  legend: Record<string, string>;
   /** Larger changes are jumps. */
   jump_mm: number;
   jump_deg: number;
-  /** What motions are relative to. */
-  reference: "camera" | "world";
-  /** What each kind means. */
-  legend: Record<string, string>;
+  blob: string;
+  arrays: StoredArray[];
 }
 
-/** The object in one frame; what is unknown is null. */
-export interface TrackFrame {
-  frame: string;
-  kind: "flip" | "jump" | "moved" | "no pose";
-  /** Since the last frame with a pose. */
-  moved_mm: number;
-  turned_deg: number;
-  /** Away from the support plane. */
-  lifted_mm: number | null;
-  /** Against the support plane. */
-  tilted_deg: number | null;
-  score: number | null;
-  /** ADD(-S) [mm]. */
-  err: number | null;
-  /** Another program's. */
-  recorded_score: number | null;
-  undetermined_mm: number | null;
-  undetermined_deg: number | null;
-  /** Share of the object's pixels without depth. */
-  missing_depth: number | null;
+/** An object over the frames. */
+export interface SequenceLane {
+  name: string;
+  /** Its model. */
+  object: number;
+  /** How it moves; "" where the frames are no sequence. */
+  words: string;
 }
+
+/** What stands out; `[lane, frame, kind]`, both by their places. */
+export type SequenceMark = [lane: number, frame: number, kind: "flip" | "jump" | "lost" | "recovered"];
 
 /** Of `evaluate`: a grasp by a pose and by the ground truth. */
 export interface GraspAnswer {
@@ -2012,7 +2022,7 @@ export type AnyAnswer =
   | CompareAnswer
   | CropsAnswer
   | RecordedAnswer
-  | TrackAnswer
+  | SequenceAnswer
   | GraspAnswer
   | GoneAnswer;
 
@@ -2055,5 +2065,5 @@ export type AnyWant =
   | LandscapeWanted
   | ComparisonWanted
   | CropsWanted
-  | TrackWanted
+  | SequenceWanted
   | RecordedWanted;

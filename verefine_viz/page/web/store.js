@@ -104,6 +104,19 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  */
 
 /**
+ * What is looked at of the frames of a sequence.
+ * @typedef {object} SequenceView
+ * @property {boolean} on  whether it stands in place of the gallery's cards
+ * @property {string} run  of the batch; "" = that of the open frame
+ * @property {number | null} scene  null = that of the open frame
+ * @property {string} by  the measure that cells are coloured by; "" = the first that is known
+ * @property {number} from  the frames in sight
+ * @property {number} to  Infinity = all, also those to come
+ * @property {number} lane  the one whose curves are drawn
+ * @property {[number, number] | null} brush  the span of frames that is summed up, both ends included; null = all
+ */
+
+/**
  * Links, as the page's address has them (address.js).
  * @typedef {object} Links
  * @property {string} given  with which the page was called; "" = without one
@@ -147,6 +160,7 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @property {View} view
  * @property {Links} link
  * @property {GalleryView} gallery
+ * @property {SequenceView} sequence
  * @property {{ was: ComparedBranches | null, asked: number | null, began: boolean } | null} finishing  A and B, which are
  *   computed to their ends: what was compared before, the branch whose turn it is, whether it runs
  * @property {boolean} replaying  whether known rows are played
@@ -218,6 +232,7 @@ export const state = {
   gallery: {
     begun: false, order: "error", only: {}, search: "", selected: new Set(), at: null, tagging: false, leaving: null,
   },
+  sequence: { on: false, run: "", scene: null, by: "", from: 0, to: Infinity, lane: 0, brush: null },
   finishing: null,
   replaying: false,
   draft: {},
