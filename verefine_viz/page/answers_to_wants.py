@@ -104,6 +104,12 @@ class ShadedAnswer(Answer, frozen=True):
     """null where it does not show in the image."""
 
 
+class FilmAnswer(Answer, frozen=True):
+    """Pictures of key moments: the photo with contours, and the map beside it."""
+
+    urls: Sequence[str]
+
+
 # physics
 
 
@@ -557,7 +563,7 @@ class PointAnswer(Answer, frozen=True):
 AnyAnswer = (
     MapsAnswer | OutlinesAnswer | DoubtAnswer | ShadedAnswer | PhysicsAnswer | PointAnswer | RefinedAnswer
     | CurvesAnswer | SliceAnswer | OtherAnswer | CompareAnswer | CropsAnswer | RecordedAnswer | TrackAnswer
-    | GraspAnswer | GoneAnswer
+    | GraspAnswer | FilmAnswer | GoneAnswer
 )  # fmt: skip
 
 
