@@ -1,4 +1,4 @@
-"""The command line: ``verefine-viz view | label | batch | estimate | evaluate | study | train | report | share | film | …``.
+"""The command line: ``verefine-viz view | label | batch | estimate | evaluate | study | report | share | film | …``.
 
 Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or input, 3 a recording that ended early,
 130 stopped by Ctrl-C, 143 by SIGTERM, 129 as the terminal was closed (SIGHUP).

@@ -13,9 +13,9 @@ from verefine_viz.core.records import StageName
 from verefine_viz.core.scores import MapName
 
 MomentKind = Literal["start", "before", "after", "gained", "answer", "truth", "also_fits", "against"]
-MomentLayer = Literal["", "mask", "plane"]
+MomentLayer = Literal["", "mask", "plane", "axes"]
 
-ROLE_NAMES = {"best": "answer", "runner-up": "fits too", "current": "other"}
+ROLE_NAMES = {"best": "answer", "runner-up": "fits too"}
 """What roles are called in a film, where not as stages are."""
 LAYER_COLORS: dict[str, tuple[str, RGB]] = {
     "mask": ("mask", OBJECT_COLORS[0]),
@@ -37,20 +37,21 @@ class Moment(Struct, frozen=True, eq=False):
     caption: str
     """At most twelve words."""
     map: MapName = "classes"
+    arm: Index | None = None
+    """Index of the hypothesis that it is about; None: of none."""
     layer: MomentLayer = ""
-    """What is drawn beside the poses: the object's mask, or the pixels on the support plane."""
+    """What is drawn beside the poses: its mask, pixels on the support plane, axes of the first pose."""
 
     @property
     def title(self) -> str:
         """Where it stands in the run, in a few words."""
-        whole = {"answer": "Answer", "truth": "Ground truth", "also_fits": "Fits as well", "against": "In doubt"}
-        if self.kind in whole:
-            return whole[self.kind]
-        at = f"Iteration {self.iteration}" if self.iteration else "Start"
-        return f"{at}, {self.kind}" if self.kind in ("before", "after") else at
+        ends = {"answer": "Answer", "truth": "Ground truth", "also_fits": "Fits as well", "against": "In doubt"}
+        at = ends.get(self.kind) or (f"Iteration {self.iteration}" if self.iteration else "Start")
+        of = f", hypothesis {self.arm + 1}" if self.arm is not None else ""
+        return f"{at}{f', {self.kind}' if self.kind in ('before', 'after') else ''}{of}"
 
     @property
     def legend(self) -> dict[str, RGB]:
         """What is drawn over the photo: names and colours."""
-        layer = [LAYER_COLORS[self.layer]] if self.layer else []
+        layer = [LAYER_COLORS[self.layer]] if self.layer in LAYER_COLORS else []
         return {ROLE_NAMES.get(role, role): stage_color(role) for role, _ in self.poses} | dict(layer)

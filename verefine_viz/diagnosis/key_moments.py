@@ -24,7 +24,14 @@ BY_SIMULATION = (Cause.SIMULATION, Cause.PLANE, Cause.COLLIDER, Cause.NEIGHBOUR,
 """Causes that show in what the simulation did; others show in what the refiner did."""
 FROM_START = (Cause.POOL, Cause.OUT_OF_RANGE, Cause.UNIT)
 """Causes that show in all initial poses."""
-LAYERS: dict[str, MomentLayer] = {Cause.MASK: "mask", Cause.NEIGHBOUR: "mask", Cause.PLANE: "plane"}
+LAYERS: dict[str, MomentLayer] = {
+    Cause.MASK: "mask",
+    Cause.NEIGHBOUR: "mask",
+    Cause.PLANE: "plane",
+    Cause.SYMMETRIC: "axes",
+    Cause.AMBIGUOUS: "axes",
+    Cause.SCORE: "axes",
+}
 """What is to blame beside poses, by cause."""
 MADE_BY = {"simulated": "Simulation", "refined": "Refiner", "flipped": "Flip", "mixed": "Mixing", "edited": "Edit"}
 
@@ -32,8 +39,8 @@ MADE_BY = {"simulated": "Simulation", "refined": "Refiner", "flipped": "Flip", "
 def key_moments(record: RunRecord, answer: Answer, other: Float | None = None) -> tuple[Moment, ...]:
     """Four to six moments that tell how an answer came about, and what is wrong with it.
 
-    The best start; the decisive stage, before and after; the iteration that made the answer, where that is another one;
-    the answer; ground truth, or what speaks against the answer where it is unknown. None without an iteration or answer.
+    The best start; the decisive stage, before and after; the iteration that made the answer, where that is another;
+    the answer; ground truth, or what speaks against the answer where it is unknown. None without an iteration.
 
     Args:
         record: the run.
@@ -71,11 +78,23 @@ class _Told:
         self._one, self._own, self._answer, self._T, self._last = one, own, answer, T_answer, last
         self._truth, self._other = one.T_cam_obj_gt, other
         self._main = answer.findings[0] if answer.findings else Finding("", "")
-        self._numbers, self._layer = self._main.numbers, LAYERS.get(self._main.cause, "")
+        self._numbers = self._main.numbers
+        self._layer: MomentLayer = LAYERS.get(self._main.cause, "")
         at = {i.index: i for i in own}
         self._made = at.get(answer.best_iteration or 0)
         """The iteration that made the answer; None: it is an initial pose."""
-        self._decisive = at.get(self._main.iteration or 0) or self._made or own[-1]
+        rise = self._largest_rise() if self._main.cause == "" or self._truth is None else None
+        self._decisive = at.get(self._main.iteration or 0) or rise or self._made or own[-1]
+
+    def _largest_rise(self) -> Iteration | None:
+        """The iteration that raised the object's best score most; None where none did, or that is not kept."""
+        most, rise = 0.0, None
+        best = max((score.score for score in self._one.initial), default=1.0)
+        for i in self._own:
+            if i.best.score.score - best > most:
+                most, rise = i.best.score.score - best, i
+            best = max(best, i.best.score.score)
+        return rise
 
     def moments(self) -> tuple[Moment, ...]:
         """All of them, in the order of their iterations."""
@@ -95,9 +114,12 @@ class _Told:
         poses: Sequence[tuple[str, Float]],
         caption: str,
         map_name: MapName = "classes",
+        arm: int | None = None,
     ) -> Moment:
-        layer, own = self._layer, self._one.instance_id
-        return Moment(kind, iteration, own, stage, tuple(poses), in_few_words(caption), map_name, layer)
+        # A plane is shown once: it takes the whole image.
+        layer = self._layer if self._layer != "plane" or kind in ("truth", "against") else ""
+        own, words = self._one.instance_id, in_few_words(caption)
+        return Moment(kind, iteration, own, stage, tuple(poses), words, map_name, arm, layer)
 
     @property
     def _truly(self) -> list[tuple[str, Float]]:
@@ -116,14 +138,12 @@ class _Told:
         best = highest if len(tried) > 1 else min(tried)
         named = numbers.get("hypothesis" if cause in (Cause.ARM_STARVED, Cause.DISCARDED) else "nearest")
         j = best if named is None or not 0 <= named < len(pool) else int(named)
-        words = f"{'Best start' if j == highest else 'Start'}: hypothesis {j + 1} of {len(pool)}"
+        words = f"{'Best' if j == highest else 'First'} of {len(pool)}"
         if scores:
-            words += f", score {scores[j]:.2f}"
+            words += f": score {scores[j]:.2f}"
         if cause == Cause.ARM_STARVED and "iterations_of_it" in numbers:
-            words = (
-                f"Nearest start, hypothesis {j + 1}: {numbers['iterations_of_it']:.0f} of "
-                f"{numbers.get('iterations', len(self._own)):.0f} iterations"
-            )
+            n = numbers.get("iterations", len(self._own))
+            words = f"Nearest start: tried in {numbers['iterations_of_it']:.0f} of {n:.0f} iterations"
         elif "nearest_error" in numbers:
             words = (
                 f"Nearest start: {numbers['nearest_rotation_deg']:.0f}° off, error {numbers['nearest_error']:.0%} of "
@@ -131,23 +151,23 @@ class _Told:
             )
         elif j == highest and self._answer.initial_add_s_mm is not None:
             words += f", {millimetres(self._answer.initial_add_s_mm)} off"
-        others = [("current", h.T_cam_obj) for k, h in enumerate(pool) if k != j] if cause in FROM_START else []
-        return self._moment("start", 0, None, [("initial", pool[j].T_cam_obj), *others, *self._truly], words)
+        others = [("initial", h.T_cam_obj) for k, h in enumerate(pool) if k != j] if cause in FROM_START else []
+        return self._moment("start", 0, None, [("initial", pool[j].T_cam_obj), *others, *self._truly], words, arm=j)
 
     # What decided
 
     def _change(self) -> list[Moment]:
         """The stage of the decisive iteration that did it, before and after."""
         before, after = self._pair(self._decisive)
-        k, words = self._decisive.index, _moved(before, after)
+        k, arm, words = self._decisive.index, self._decisive.arm, _moved(before, after)
         drawn = [(after.name, after.T_cam_obj), *([(before.name, before.T_cam_obj)] if before else self._truly)]
-        moments = [self._moment("after", k, after.name, drawn, words, "difference")]
+        moments = [self._moment("after", k, after.name, drawn, words, "difference", arm)]
         if before is not None:
             step = MADE_BY.get(after.name, after.name).lower()
             score = "" if before.score is None else f": score {before.score.score:.2f}"
             words = f"Before the {step}{score}" if score else f"Where the {step} starts{self._nearest()}"
             drawn = [(before.name, before.T_cam_obj), *self._truly]
-            moments.insert(0, self._moment("before", k, before.name, drawn, words, "difference"))
+            moments.insert(0, self._moment("before", k, before.name, drawn, words, "difference", arm))
         return moments
 
     def _nearest(self) -> str:
@@ -178,29 +198,35 @@ class _Told:
         moments: list[Moment] = []
         if there is not None and stage is not None:
             drawn = [(stage.name, stage.T_cam_obj), *self._truly]
-            moments.append(self._moment("before", there.index, stage.name, drawn, words, "difference"))
+            moments.append(self._moment("before", there.index, stage.name, drawn, words, "difference", int(arm)))
         right = stage.T_cam_obj if stage is not None else self._one.hypotheses[int(arm)].T_cam_obj
         best, at = self._decisive.best, max(self._decisive.index, int(k))
         how = f"Preferred: scores {abs(margin):.3f} {'more' if margin >= 0 else 'less'}, "
         words = how + _apart(right, best.T_cam_obj)
         drawn = [("best", best.T_cam_obj), (stage.name if stage is not None else "initial", right)]
-        return [*moments, self._moment("after", at, None, drawn, words, "difference")]
+        return [*moments, self._moment("after", at, None, drawn, words, "difference", best.arm)]
 
     def _gained(self) -> list[Moment]:
         """The iteration that made the answer."""
         assert self._made is not None
         best = self._made.best
-        before = [i.best.score.score for i in self._own if i.index < self._made.index]
-        was = max([*before[-1:], *(s.score for s in self._one.initial)], default=None)
-        rose = "" if was is None or best.score.score <= was else f": best score {was:.2f} to {best.score.score:.2f}"
-        drawn = [("best", self._T), *self._truly]
-        return [self._moment("gained", self._made.index, None, drawn, f"The answer is made here{rose}")]
+        was = next((i.best for i in reversed(self._own) if i.index < self._made.index), None)
+        words, drawn = f"The answer is made here: score {best.score.score:.2f}", self._truly
+        if was is not None and was.score.score < best.score.score:
+            one, two = f"{was.score.score:.2f}", f"{best.score.score:.2f}"
+            if one == two:
+                return []
+            words, drawn = f"The answer is made here: best score {one} to {two}", [(was.stage, was.T_cam_obj)]
+        return [
+            self._moment("gained", self._made.index, None, [("best", self._T), *drawn], words, "difference", best.arm)
+        ]
 
     # The end
 
     def _end(self, kind: MomentKind, words: str, map_name: MapName = "classes") -> Moment:
         beside = self._truly or ([] if self._other is None else [("runner-up", self._other)])
-        return self._moment(kind, self._last, None, [("best", self._T), *beside], words, map_name)
+        arm = None if self._answer.best_hypothesis is None else self._answer.best_hypothesis - 1
+        return self._moment(kind, self._last, None, [("best", self._T), *beside], words, map_name, arm)
 
     def _answer_words(self) -> str:
         a, limit_mm = self._answer, 1e3 * CORRECT * self._one.diameter_m
@@ -208,12 +234,15 @@ class _Told:
         if a.add_s_mm is not None:
             return f"{millimetres(a.add_s_mm)} off, {millimetres(limit_mm)} allowed; {score}"
         wide = "" if not a.undetermined_deg else f", turn undetermined within ±{a.undetermined_deg:.0f}°"
-        return f"Answer: {score}{wide}"
+        return f"{score}{wide}"
 
     def _against(self) -> Moment:
         """Ground truth and the cause; without it what speaks against the answer."""
-        at, cause = self._last, self._main.cause
-        words = f"{self._main.title}{self._main.detail}" if cause or self._main.text else ""
+        at = self._last
+        words, detail = "", self._main.detail.removeprefix(":").removeprefix(" for").removeprefix(", ").strip()
+        if self._main.cause:
+            whole = f"{self._main.title}{self._main.detail}"
+            words = whole if len(whole.split()) <= MOST_WORDS or not detail else detail
         if self._truth is None:
             if self._answer.doubts and not words:
                 words = f"Look at the data: {self._answer.doubts[0]}"

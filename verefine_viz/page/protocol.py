@@ -308,7 +308,7 @@ class MomentDrawn(Struct, frozen=True, array_like=True):
     """By role; the map is that of the first."""
     map: Text
     layer: Text = ""
-    """What else is drawn: mask, plane; "" = nothing."""
+    """What else is drawn: mask, plane, axes; "" = nothing."""
 
 
 class FilmWanted(Wanted):
@@ -430,7 +430,7 @@ class Want(Verb):
 
 
 class Save(Verb):
-    """Write a file: the session, a recording, the page, the table of results, the score maps, the film, or the verbs."""
+    """Write a file: the session, a recording, the page, the table of results, the score maps, the film, the verbs."""
 
     what: Literal["session", "recording", "share", "results", "maps", "film", "verbs"]
     branch: Index = 0

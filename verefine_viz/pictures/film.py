@@ -12,9 +12,10 @@ import numpy as np
 from PIL import Image as PilImage
 from PIL import ImageDraw, ImageFont
 
-from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.moment import LAYER_COLORS, Moment
 from verefine_viz.core.palette import (
+    AXIS_COLORS,
     CLASS_COLORS,
     RGB,
     Image,
@@ -35,7 +36,7 @@ GAP_PX = 2
 COLUMNS = 3
 STILL_MS, LAST_MS = 1800, 3500
 """How long an animation shows a moment, and the last one."""
-TINTED = 0.45
+TINTED = 0.6
 DIFFERENCE_WORDS = ("seen past the model", "something before it")
 INK, DIM, PAPER = (235, 236, 240), (165, 170, 180), (24, 26, 30)
 MARGIN, HEAD, LINE, FOOT = 10, 26, 20, 26
@@ -71,35 +72,53 @@ class Film:
         return window_around(self.target, [moment.poses[0][1] for moment in self.moments], 1.0)
 
     @cached_property
-    def _photo(self) -> Image:
-        return self._part(camera_image(self.target.observation), PilImage.Resampling.BICUBIC)
-
-    def _part(self, whole: Image, how: PilImage.Resampling = PilImage.Resampling.NEAREST) -> Image:
-        """The part of an image (H, W) or (H, W, 3) that is shown, as large as a picture."""
-        return np.array(PilImage.fromarray(whole).resize((SIDE_PX, SIDE_PX), how, self._window.box))
+    def _wide(self) -> ShownPart:
+        """As much as the image has, for a support plane."""
+        camera, near = self.target.observation.camera, self._window
+        side, middle = min(camera.width, camera.height), (near.u0 + near.width / 2, near.v0 + near.height / 2)
+        limits = (camera.width - side, camera.height - side)
+        u0, v0 = (min(max(at - side / 2, 0.0), limit) for at, limit in zip(middle, limits, strict=True))
+        return ShownPart(u0, v0, side, side)
 
     def _picture(self, moment: Moment) -> Image:
-        photo = self._with_layer(moment)
+        window = self._wide if moment.layer == "plane" else self._window
+        photo = _part(camera_image(self.target.observation), window, PilImage.Resampling.BICUBIC)
         shown = [(T, stage_color(role)) for role, T in reversed(moment.poses)]
-        drawn = [with_outlines(photo, self.target, self._window, shown)]
+        drawn = [with_outlines(self._with_layer(photo, moment, window), self.target, window, shown)]
+        if moment.layer == "axes":
+            drawn = [self._with_axes(drawn[0], moment.poses[0][1])]
         maps = self.maps_of(moment, moment.poses[0][1])
         if maps is not None:
             gap = np.full((SIDE_PX, GAP_PX, 3), PAPER, np.uint8)
-            drawn += [gap, self._part(self._images(maps).rgb(moment.map))]
+            drawn += [gap, _part(self._images(maps).rgb(moment.map), window)]
         return np.concatenate(drawn, axis=1)
 
-    def _with_layer(self, moment: Moment) -> Image:
+    def _with_layer(self, photo: Image, moment: Moment, window: ShownPart) -> Image:
         """The photo with the mask's contour, or with the pixels tinted that lie on the support plane."""
         if moment.layer == "mask":
-            return draw_contours(self._photo, self._inside(self.target.instance.mask), LAYER_COLORS["mask"][1])
+            mask = _part(self.target.instance.mask.astype(np.uint8), window) > 0
+            return draw_contours(photo, mask, LAYER_COLORS["mask"][1])
         patch = support_patch(self.target.observation) if moment.layer == "plane" else None
         if patch is None:
-            return self._photo
-        tint = TINTED * self._inside(patch.inliers)[..., None]
-        return ((1 - tint) * self._photo + tint * np.array(LAYER_COLORS["plane"][1])).astype(np.uint8)
+            return photo
+        tint = TINTED * _part(patch.inliers.astype(np.uint8), window)[..., None]
+        return ((1 - tint) * photo + tint * np.array(LAYER_COLORS["plane"][1])).astype(np.uint8)
 
-    def _inside(self, mask: Mask) -> Mask:
-        return self._part(mask.astype(np.uint8)) > 0
+    def _with_axes(self, photo: Image, T_cam_obj: Float) -> Image:
+        """A picture with the axes of a pose: a turn that no outline shows."""
+        camera, length_m = (
+            self._window.camera(self.target.observation.camera, SIDE_PX),
+            self.target.model.diameter_m / 2,
+        )
+        ends = np.append(
+            self.target.model.middle_m + length_m * np.vstack([np.zeros(3), np.eye(3)]), np.ones((4, 1)), 1
+        )
+        from_px, *ends_px = (tuple(pixel) for pixel in camera.project((ends @ T_cam_obj.T)[:, :3]).tolist())
+        image = PilImage.fromarray(photo)
+        for end_px, color in zip(ends_px, AXIS_COLORS, strict=True):
+            ImageDraw.Draw(image).line([from_px, end_px], PAPER, 5)
+            ImageDraw.Draw(image).line([from_px, end_px], color, 3)
+        return np.array(image)
 
     def _images(self, maps: ScoreMaps) -> MapImages:
         observation = self.target.observation
@@ -132,8 +151,7 @@ class Film:
     def save(self, out: io.BytesIO, title: str, animated: bool) -> None:
         """Write the strip as PNG, or an animation (GIF) of a moment at a time."""
         if not animated:
-            strip = self.strip(title)
-            return strip.quantize(255, dither=PilImage.Dither.NONE).save(out, "PNG", optimize=True)
+            return self.strip(title).save(out, "PNG", optimize=True)
         first, *others = [panel.quantize(200, dither=PilImage.Dither.NONE) for panel in self.panels()]
         times = [STILL_MS] * len(others) + [LAST_MS]
         first.save(out, "GIF", save_all=True, append_images=others, duration=times, loop=0)
@@ -143,6 +161,11 @@ class Film:
 def film_pictures(target: Target, moments: Sequence[Moment], maps_of: MapsOf, tau_m: float) -> list[bytes]:
     """The pictures of moments as WebP, 4 to 10 kB each."""
     return [webp(picture) for picture in Film(target, moments, maps_of, tau_m).pictures]
+
+
+def _part(whole: Image, window: ShownPart, how: PilImage.Resampling = PilImage.Resampling.NEAREST) -> Image:
+    """The part of an image (H, W) or (H, W, 3) that is shown, as large as a picture."""
+    return np.array(PilImage.fromarray(whole).resize((SIDE_PX, SIDE_PX), how, window.box))
 
 
 def _panel(moment: Moment, picture: Image) -> PilImage.Image:

@@ -49,7 +49,7 @@ def _moment(drawn: MomentDrawn, obj: int) -> Moment:
         raise InputError(unknown("map", drawn.map, MAP_NAMES) if drawn.poses else "a moment without a pose")
     poses = tuple((role, pose_matrix(T)) for role, T in drawn.poses)
     layer = next((layer for layer in get_args(MomentLayer) if layer == drawn.layer), "")
-    return Moment("answer", drawn.k, obj, None, poses, "", drawn.map, layer)
+    return Moment("answer", drawn.k, obj, None, poses, "", drawn.map, layer=layer)
 
 
 def maps_in(branch: Branch, target: Target) -> MapsOf:
@@ -87,6 +87,7 @@ def moments_of(
         score=best.score.score,
         add_s_mm=None if o.errors is None else o.errors.add_s_mm,
         initial_add_s_mm=None if start is None else start.add_s_mm,
+        best_hypothesis=best.arm + 1,
         best_iteration=best.iteration,
         undetermined_deg=None if o.allowed is None else o.allowed.undetermined_deg,
         findings=tuple(findings),

@@ -162,6 +162,7 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @property {number} speed  iterations a second of a replay
  * @property {"score" | "rank" | "error"} colorBy  what colours on the timeline say
  * @property {string[]} hiddenMaps  names
+ * @property {boolean} filmFolded
  */
 
 /** @type {State} */
@@ -231,6 +232,7 @@ export const state = {
   speed: 8,
   colorBy: "rank",
   hiddenMaps: [],
+  filmFolded: false,
 };
 
 /**
