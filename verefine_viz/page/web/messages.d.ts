@@ -1052,7 +1052,7 @@ export interface FilmWanted {
   branch?: number;
 }
 
-/** Write a file: the session, a recording, the page, the table of results, the score maps, the film, or the verbs. */
+/** Write a file: the session, a recording, the page, the table of results, the score maps, the film, the verbs. */
 export interface Save {
   verb: "save";
   what: "film" | "maps" | "recording" | "results" | "session" | "share" | "verbs";
@@ -1751,6 +1751,8 @@ export interface GalleryRow {
   opens: boolean;
   /** Whether it has a small picture. */
   thumb: boolean;
+  /** Whether it has a film. */
+  film: boolean;
   /** Of reports alone, as all below: the group of its run. */
   group?: string;
   /** Which of two runs is wrong, in words. */

@@ -163,6 +163,7 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @property {"score" | "rank" | "error"} colorBy  what colours on the timeline say
  * @property {string[]} hiddenMaps  names
  * @property {boolean} filmFolded
+ * @property {number | null} filmOf  the card of the gallery whose film is shown
  */
 
 /** @type {State} */
@@ -233,6 +234,7 @@ export const state = {
   colorBy: "rank",
   hiddenMaps: [],
   filmFolded: false,
+  filmOf: null,
 };
 
 /**
