@@ -31,7 +31,7 @@ from verefine_viz.commands.datasets import Datasets
 from verefine_viz.commands.doctor import DoctorCommand
 from verefine_viz.commands.estimate import EstimateCommand
 from verefine_viz.commands.evaluate import EvaluateCommand
-from verefine_viz.commands.film import FilmCommand
+from verefine_viz.commands.film_strip import FilmCommand
 from verefine_viz.commands.flags import HELP_SETTINGS, SECTIONS, show_help
 from verefine_viz.commands.import_data import ImportCommand
 from verefine_viz.commands.label import LabelCommand

@@ -51,10 +51,10 @@ def key_moments(record: RunRecord, answer: Answer, other: Float | None = None) -
     one = next((o for o in record.header.objects if o.instance_id == answer.instance_id), None)
     if one is None or answer.T_cam_obj is None or not own or not one.hypotheses:
         return ()
-    return _Told(one, own, answer, answer.T_cam_obj, other, record.iterations[-1].index).moments()
+    return _Story(one, own, answer, answer.T_cam_obj, other, record.iterations[-1].index).moments()
 
 
-class _Told:
+class _Story:
     """What is known of one object while its moments are chosen.
 
     Args:

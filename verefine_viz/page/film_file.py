@@ -11,7 +11,7 @@ from verefine_viz.methods.known_methods import method_of
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.frame_objects import labels_of
 from verefine_viz.page.page_state import PageState
-from verefine_viz.page.views.film import maps_in, tau_m_of
+from verefine_viz.page.views.film_moments import maps_in, tau_m_of
 from verefine_viz.page.views.verdict import films, verdict_message
 from verefine_viz.pictures.film import Film
 
@@ -33,14 +33,14 @@ def write_film(d: PageState, path: Path, branch: Branch | None = None, instance:
     """
     branch = branch or d.space.work.first
     problem, entry = branch.run.problem, d.batch_rows(branch)
-    told = films(branch, entry)
-    if not told:
+    found = films(branch, entry)
+    if not found:
         raise InputError("there is no film of a run that is not over, or has no answer")
     worst = verdict_message(branch, entry).scene.worst
-    own = instance if instance is not None else worst if worst in told else next(iter(told))
-    if own not in told:
-        raise InputError(unknown("object with an answer", own, list(told)))
-    target, moments = problem.target(own), told[own]
+    own = instance if instance is not None else worst if worst in found else next(iter(found))
+    if own not in found:
+        raise InputError(unknown("object with an answer", own, list(found)))
+    target, moments = problem.target(own), found[own]
     label, method = labels_of(problem)[own], method_of(branch.settings.method.name).label
     title = f"{label}   {one_line(branch.settings.title or problem.title)}, frame {problem.frame}, {method}"
     film, out = Film(target, moments, maps_in(branch, target), tau_m_of(branch)), io.BytesIO()

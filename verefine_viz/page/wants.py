@@ -11,7 +11,7 @@ from verefine_viz.page.answers_to_wants import AnyAnswer
 from verefine_viz.page.views.comparison import comparison
 from verefine_viz.page.views.crops import crops
 from verefine_viz.page.views.doubt_picture import doubt
-from verefine_viz.page.views.film import film
+from verefine_viz.page.views.film_moments import film
 from verefine_viz.page.views.object_track import track
 from verefine_viz.page.views.physics import physics
 from verefine_viz.page.views.pixel_maps import maps

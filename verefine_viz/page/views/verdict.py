@@ -38,7 +38,7 @@ from verefine_viz.page.run_messages import (
 )
 from verefine_viz.page.views.allowed_ghosts import allowed_ghosts
 from verefine_viz.page.views.doubts import shown_doubts
-from verefine_viz.page.views.film import moments_of, shown_moment
+from verefine_viz.page.views.film_moments import moments_of, shown_moment
 from verefine_viz.page.views.physics_doubts import doubts_of
 from verefine_viz.page.wire import Pose, pose_numbers
 from verefine_viz.run.record import Answer
@@ -188,7 +188,7 @@ def _error(evaluator: CachedEvaluator, target: Target, T_cam_obj: Float) -> floa
     return None if errors is None else errors.relative
 
 
-def _object(branch: Branch, o: FinishedObject, batch: Answer | None, film: Sequence[Moment]) -> JudgedObject:
+def _object(branch: Branch, o: FinishedObject, batch: Answer | None, film: Sequence[Moment] = ()) -> JudgedObject:
     best, rival, limit = o.answer, o.runner_up, 1e3 * CORRECT * o.target.model.diameter_m
     if best is None:
         return JudgedObject(o.instance_id, o.label, "none", cause_title(Cause.NO_HYPOTHESIS), limit, findings=())

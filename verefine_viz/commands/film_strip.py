@@ -1,4 +1,4 @@
-"""``verefine-viz film``: a run told in four to six pictures."""
+"""``verefine-viz film``: a run in four to six pictures."""
 
 from __future__ import annotations
 
