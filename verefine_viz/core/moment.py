@@ -45,7 +45,12 @@ class Moment(Struct, frozen=True, eq=False):
     @property
     def title(self) -> str:
         """Where it stands in the run, in a few words."""
-        ends = {"answer": "Answer", "truth": "Ground truth", "also_fits": "Fits as well", "against": "In doubt"}
+        ends = {
+            "answer": "Answer",
+            "truth": "Ground truth",
+            "also_fits": "Fits as well",
+            "against": "What speaks against it",
+        }
         at = ends.get(self.kind) or (f"Iteration {self.iteration}" if self.iteration else "Start")
         of = f", hypothesis {self.arm + 1}" if self.arm is not None else ""
         return f"{at}{f', {self.kind}' if self.kind in ('before', 'after') else ''}{of}"
