@@ -48,7 +48,7 @@ def _moment(drawn: MomentDrawn, obj: int) -> Moment:
     if drawn.map not in MAP_NAMES or not drawn.poses:
         raise InputError(unknown("map", drawn.map, MAP_NAMES) if drawn.poses else "a moment without a pose")
     poses = tuple((role, pose_matrix(T)) for role, T in drawn.poses)
-    layer = next((layer for layer in get_args(MomentLayer) if layer == drawn.layer), "")
+    layer: MomentLayer = drawn.layer if drawn.layer in get_args(MomentLayer) else ""  # type: ignore[assignment]
     return Moment("answer", drawn.k, obj, None, poses, "", drawn.map, layer=layer)
 
 
