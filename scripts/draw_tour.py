@@ -79,6 +79,12 @@ def save(image: Image.Image, path: Path, width_px: int = WIDTH_PX) -> None:
     image.quantize(192, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
+def strip(browser: Any) -> None:
+    """A run in pictures, as ``verefine-viz film`` writes it."""
+    if cli.main(["film", str(SESSIONS / "failure_simulation_topples.toml"), "--out", str(DOCS / "tour" / "film.png")]):
+        raise SystemExit("no film")
+
+
 def film(browser: Any) -> None:
     """Step, run, verdict: the mug, whose fourth hypothesis wins."""
     with shown(browser, SESSIONS / "mug.toml") as screen:
@@ -154,6 +160,6 @@ def spoilt(browser: Any) -> None:
 if __name__ == "__main__":
     (DOCS / "tour").mkdir(exist_ok=True)
     with headless_chromium() as chromium:
-        for each in (film, tour, causes, spoilt):
+        for each in (strip, film, tour, causes, spoilt):
             if len(sys.argv) == 1 or each.__name__ in sys.argv[1:]:
                 each(chromium)

@@ -1,4 +1,4 @@
-"""The command line: ``verefine-viz view | label | batch | estimate | evaluate | study | train | report | share | …``.
+"""The command line: ``verefine-viz view | label | batch | estimate | evaluate | study | report | share | film | …``.
 
 Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or input, 3 a recording that ended early,
 130 stopped by Ctrl-C, 143 by SIGTERM, 129 as the terminal was closed (SIGHUP).
@@ -31,6 +31,7 @@ from verefine_viz.commands.datasets import Datasets
 from verefine_viz.commands.doctor import DoctorCommand
 from verefine_viz.commands.estimate import EstimateCommand
 from verefine_viz.commands.evaluate import EvaluateCommand
+from verefine_viz.commands.film_strip import FilmCommand
 from verefine_viz.commands.flags import HELP_SETTINGS, SECTIONS, show_help
 from verefine_viz.commands.import_data import ImportCommand
 from verefine_viz.commands.label import LabelCommand
@@ -62,6 +63,7 @@ COMMANDS: dict[str, type[Command]] = {
     "train": TrainCommand,
     "report": ReportCommand,
     "share": ShareCommand,
+    "film": FilmCommand,
     "datasets": Datasets,
     "import": ImportCommand,
     "replay": ReplayCommand,

@@ -120,7 +120,7 @@ def test_what_the_image_allows_is_one_chip_in_the_photo_and_in_3d(show):
         ("failure_simulation_topples", "added_by_simulation", "added_by_refiner", "physics"),
     ],
 )
-def test_what_led_an_answer_away_is_drawn_and_the_verdict_leads_to_its_iteration(show, session, name, other, tab):
+def test_what_led_an_answer_away_is_drawn_and_the_film_leads_to_its_iteration(show, session, name, other, tab):
     screen = judged(show(session, size=WIDE))
     finding = screen.state("moment.verdict.findings[0]")
     diameter = screen.state("moment.object.diameter_mm")
@@ -133,7 +133,9 @@ def test_what_led_an_answer_away_is_drawn_and_the_verdict_leads_to_its_iteration
     # Every hypothesis went away from the truth, and its way says so.
     assert screen.page.locator(".starts .way.bad").count() == len(screen.state("moment.starts"))
     screen.shot(f"led_away_{session}")
-    screen.page.locator(".verdict .to-cause").click()
+    screen.page.locator(".film .moment", has_text=f"Iteration {finding['k']}").last.click()
     screen.until("moment.k === arg && !moment.isAnswer", finding["k"])
+    last = screen.state("moment.verdict.film.filter((one) => one.k === moment.k && one.stage).at(-1).stage")
+    assert screen.state("state.view.stage") == last
     assert screen.page.locator(".tabs [aria-selected=true]").inner_text().lower() == tab
     screen.shot(f"to_cause_{session}")

@@ -105,6 +105,12 @@ class ShadedAnswer(Answer, frozen=True):
     """null where it does not show in the image."""
 
 
+class FilmAnswer(Answer, frozen=True):
+    """Pictures of key moments: the photo with contours, and the map beside it."""
+
+    urls: Sequence[str]
+
+
 # physics
 
 
@@ -567,7 +573,7 @@ class PointAnswer(Answer, frozen=True):
 AnyAnswer = (
     MapsAnswer | OutlinesAnswer | DoubtAnswer | ShadedAnswer | PhysicsAnswer | PointAnswer | RefinedAnswer
     | CurvesAnswer | SliceAnswer | OtherAnswer | CompareAnswer | CropsAnswer | RecordedAnswer | SequenceAnswer
-    | GraspAnswer | GoneAnswer
+    | GraspAnswer | FilmAnswer | GoneAnswer
 )  # fmt: skip
 
 

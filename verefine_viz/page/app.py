@@ -27,7 +27,7 @@ from verefine_viz.page import proxy
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.export import Exporter
 from verefine_viz.page.frame_pictures import FrameOfSession, FramePainter
-from verefine_viz.page.gallery import Gallery, GalleryEntry, open_gallery
+from verefine_viz.page.gallery import Gallery, open_gallery
 from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.page.messages import EditedMessage, PickedMessage
 from verefine_viz.page.model_pictures import ModelOfFolder, ModelPainter
@@ -35,7 +35,7 @@ from verefine_viz.page.protocol import AnyVerb, pose_matrix
 from verefine_viz.page.scene3d.scene import Scene3D
 from verefine_viz.page.scene3d.viser_server import Viser3DServer
 from verefine_viz.page.server import PageServer
-from verefine_viz.page.thumbnails import Painter, Thumbnails
+from verefine_viz.page.thumbnails import AnswerPicture, Painter, Thumbnails
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.frame import png
 from verefine_viz.page.web_files import demo_picture
@@ -93,7 +93,7 @@ class App:
         self._make_tools, self._gallery, self._first = make_tools, gallery, first
         self._folder = folder if folder is not None else Path("sessions")
         self.blobs, self.jobs = Blobs(), Jobs()
-        self._thumbnails: Thumbnails[GalleryEntry] | None = None
+        self._thumbnails: Thumbnails[AnswerPicture] | None = None
         self._frame_pictures = Thumbnails(FramePainter())
         self._model_pictures = Thumbnails(ModelPainter())
         self._watching: threading.Thread | None = None
@@ -106,6 +106,7 @@ class App:
             self._thumbnail,
             self._frame_picture,
             self._model_picture,
+            partial(self._thumbnail, is_film=True),
             lambda name: self._write.file(name),
             self._closed,
         )
@@ -202,12 +203,12 @@ class App:
     def _closed(self, window: int) -> None:
         self.jobs.put(Job(window, lambda: self.debugger.window_closed(window)))
 
-    def _thumbnail(self, number: int) -> Future[bytes] | None:
-        """Begin to make the picture of an answer; None = there is no such answer."""
+    def _thumbnail(self, number: int, is_film: bool = False) -> Future[bytes] | None:
+        """Begin to make the picture of an answer, or its film; None = there is no such answer."""
         gallery = self.debugger.gallery
         if self._thumbnails is None or gallery is None or number >= len(gallery.entries):
             return None
-        return self._thumbnails.ask(gallery.entries[number])
+        return self._thumbnails.ask(AnswerPicture(gallery.entries[number], is_film))
 
     def _frame_picture(self, number: int) -> Future[bytes] | None:
         """Begin to make the picture of a frame of the session; None = there is no such frame."""
@@ -264,7 +265,7 @@ class App:
             progress,
         )
         debugger.on_look = partial(self._draw, debugger)
-        self._thumbnails = Thumbnails(Painter(lambda: open_gallery(debugger.gallery)))
+        self._thumbnails = Thumbnails(Painter(lambda: open_gallery(debugger.gallery)).draw)
         if self._watch is not None:
             changed = partial(self.jobs.put, Job(0, debugger.refresh_gallery))
             self._watching = threading.Thread(

@@ -19,6 +19,7 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic
 from verefine_viz.page.branch import Branch
+from verefine_viz.page.film_file import write_film
 from verefine_viz.page.maps_sheet import maps_sheet
 from verefine_viz.page.messages import WrittenMessage
 from verefine_viz.page.page_state import PageState
@@ -31,7 +32,7 @@ from verefine_viz.run.session_file import load_session, save_session
 from verefine_viz.run.session_parts import weights_of
 
 _NAME = re.compile(r"[\w][\w .-]{0,79}")
-ENDINGS = {"recording": ".rrd", "results": ".csv", "maps": "_maps.png", "verbs": "_verbs.jsonl"}
+ENDINGS = {"recording": ".rrd", "results": ".csv", "maps": "_maps.png", "film": "_film.png", "verbs": "_verbs.jsonl"}
 
 
 class Exporter:
@@ -104,8 +105,9 @@ class Exporter:
 
     def _export(self, d: PageState, verb: Save) -> Path:
         branch = d.space.work.first if verb.what == "verbs" else d.space.branch(verb.branch)
-        is_run_file = verb.what == "recording" and verb.name.endswith(SUFFIX)
-        ending = SUFFIX if is_run_file else ENDINGS[verb.what]
+        others = {"recording": SUFFIX, "film": "_film.gif"}
+        other = others.get(verb.what)
+        ending = other if other is not None and verb.name.endswith(other) else ENDINGS[verb.what]
         name = checked_name(verb.name.removesuffix(ending)) if verb.name.removesuffix(ending) else stem_of(branch)
         path = free(self._folder / "runs" / "exports" / f"{name}{ending}")
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -113,6 +115,8 @@ class Exporter:
             self._record(d.space, branch, path)
         elif verb.what == "results":
             write_answers(branch, path)
+        elif verb.what == "film":
+            write_film(d, path, branch, verb.obj)
         elif verb.what == "maps":
             with atomic(path) as part:
                 Image.fromarray(maps_sheet(branch, verb)).save(part, format="PNG")

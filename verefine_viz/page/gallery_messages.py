@@ -65,6 +65,8 @@ class GalleryRow(Part, frozen=True):
     """Whether its frame can be opened."""
     thumb: bool
     """Whether it has a small picture."""
+    film: bool
+    """Whether it has a film."""
     group: str | UnsetType = UNSET
     """Of reports alone, as all below: the group of its run."""
     compared: str | UnsetType = UNSET

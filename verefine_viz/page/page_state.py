@@ -322,9 +322,9 @@ class PageState:
         return frame_message(self.space, blobs, self.space.batch_run, demos, titled(sessions))
 
     def _verdict(self, branch: Branch) -> VerdictMessage:
-        return verdict_message(branch, self._batch_rows(branch))
+        return verdict_message(branch, self.batch_rows(branch))
 
-    def _batch_rows(self, branch: Branch) -> dict[int, Any]:
+    def batch_rows(self, branch: Branch) -> dict[int, Any]:
         """Return what the batch reports of the frame, by instance; nothing of a branch that is not its run."""
         gallery, space = self.gallery, self.space
         if (

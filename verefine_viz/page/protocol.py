@@ -301,6 +301,26 @@ class DoubtWanted(Wanted):
     branch: Index = 0
 
 
+class MomentDrawn(Struct, frozen=True, array_like=True):
+    """What is drawn of a key moment: ``[k, poses, map, layer]``."""
+
+    k: Index
+    """Iteration by whose settings it is scored."""
+    poses: Annotated[tuple[tuple[Text, Pose], ...], Meta(max_length=MOST_POSES)]
+    """By role; the map is that of the first."""
+    map: Text
+    layer: Text = ""
+    """What else is drawn: mask, plane, axes; "" = nothing."""
+
+
+class FilmWanted(Wanted):
+    """Pictures of the key moments of an object."""
+
+    obj: int
+    moments: Annotated[tuple[MomentDrawn, ...], Meta(max_length=8)]
+    branch: Index = 0
+
+
 class ShadedWanted(Wanted):
     """A model as it would look at a pose."""
 
@@ -402,7 +422,7 @@ class RecordedWanted(Wanted):
 
 AnyWant = (
     MapsWanted | OutlinesWanted | DoubtWanted | ShadedWanted | PhysicsWanted | PointWanted | RefinedWanted
-    | LandscapeWanted | ComparisonWanted | CropsWanted | SequenceWanted | RecordedWanted
+    | LandscapeWanted | ComparisonWanted | CropsWanted | SequenceWanted | RecordedWanted | FilmWanted
 )  # fmt: skip
 
 
@@ -415,14 +435,14 @@ class Want(Verb):
 
 
 class Save(Verb):
-    """Write a file: the session, a recording, the page, the table of results, the score maps, or the verbs."""
+    """Write a file: the session, a recording, the page, the table of results, the score maps, the film, the verbs."""
 
-    what: Literal["session", "recording", "share", "results", "maps", "verbs"]
+    what: Literal["session", "recording", "share", "results", "maps", "film", "verbs"]
     branch: Index = 0
     k: Index = 0
     """Of the maps: the iteration that is shown."""
     obj: int | None = None
-    """Of the maps: the object."""
+    """Of the maps, or of the film: the object."""
     poses: Annotated[tuple[tuple[Text, Pose], ...], Meta(max_length=8)] = ()
     """Of the maps: the poses of the object, by name."""
     name: Annotated[str, Meta(max_length=120)] = ""

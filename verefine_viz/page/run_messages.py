@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
+from verefine_viz.core.palette import RGB
 from verefine_viz.core.records import EventKind, StageName
 from verefine_viz.page.frame_messages import DoubtShown, InitialPose
+from verefine_viz.page.protocol import MomentDrawn
 from verefine_viz.page.wire import Message, Part, Pose
 
 MarkTone = Literal["problem", "rejected", "flip", "switched", "best", "edited"]
@@ -202,6 +204,21 @@ class FindingShown(Part, frozen=True):
     """The tab that shows it at its iteration."""
 
 
+class MomentShown(Part, frozen=True):
+    """A key moment of what the run did to an object."""
+
+    k: int
+    """0 = before the first; the answer stands at the last."""
+    stage: StageName | None
+    """The last stage that is shown; null = all of the iteration."""
+    title: str
+    caption: str
+    legend: Sequence[tuple[str, RGB]]
+    """What is drawn over the photo: names and colours."""
+    drawn: MomentDrawn
+    """As the want ``film`` has it."""
+
+
 class RunnerUpPose(Part, frozen=True):
     """The best pose of another hypothesis."""
 
@@ -261,6 +278,8 @@ class JudgedObject(Part, frozen=True):
     """A pose elsewhere that explains the image equally well."""
     allowed: AllowedByImage | None = None
     """null before the score around the answer is known, and where nothing that looks otherwise is allowed."""
+    film: Sequence[MomentShown] = ()
+    """How the answer came about, in four to six moments."""
     trained: RefinerRange | None = None
     """null where it is unknown, or ground truth is."""
 

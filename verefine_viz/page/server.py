@@ -74,6 +74,7 @@ class PageServer:
         blobs: binary arrays by key.
         thumbnail: begins to make the small picture of an answer of the gallery (WebP); None = there is none.
         frame_picture: the same of a frame of the session.
+        film: the same of the key moments of an answer of the gallery.
         file: gives the file of a name that this program wrote, to download; None = it wrote none.
         closed: gets the number of a window that was closed, on the server's thread.
 
@@ -92,12 +93,13 @@ class PageServer:
         thumbnail: Callable[[int], Future[bytes] | None] = lambda number: None,
         frame_picture: Callable[[int], Future[bytes] | None] = lambda number: None,
         model_picture: Callable[[int], Future[bytes] | None] = lambda number: None,
+        film: Callable[[int], Future[bytes] | None] = lambda number: None,
         file: Callable[[str], Path | None] = lambda name: None,
         closed: Callable[[int], None] = lambda window: None,
     ) -> None:
         self._closed = closed
         self._receive, self._blobs, self._thumbnail, self._file = receive, blobs, thumbnail, file
-        self._frame_picture, self._model_picture = frame_picture, model_picture
+        self._frame_picture, self._model_picture, self._film_strip = frame_picture, model_picture, film
         self._windows: dict[int, Window] = {}
         self._numbers = count(1)
         admission = Admission(host, allowed_origins)
@@ -113,6 +115,7 @@ class PageServer:
                 Route("/", _page),
                 Route("/blob/{key}", self._blob),
                 Route("/thumb/{number}", self._thumb),
+                Route("/film/{number}", self._film),
                 Route("/frame/{number}", self._frame),
                 Route("/model/{number}", self._model),
                 Route("/file/{name}", self._written),
@@ -212,6 +215,9 @@ class PageServer:
 
     async def _thumb(self, request: Request) -> Response:
         return await self._picture(request, self._thumbnail)
+
+    async def _film(self, request: Request) -> Response:
+        return await self._picture(request, self._film_strip)
 
     async def _frame(self, request: Request) -> Response:
         return await self._picture(request, self._frame_picture)

@@ -142,7 +142,7 @@ def opened(path: Path, frame: str | None = None) -> Debugger:
     debugger = Debugger(space).carry_out(())
     branch = space.work.first
     if not branch.run.is_done and branch.recording is None:
-        debugger.carry_out([p.RunVerb(branch.index)])
+        debugger.carry_out([p.Seek(branch.run.n_iterations, branch.index)])  # Breakpoints or not.
     return debugger
 
 

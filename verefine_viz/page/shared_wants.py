@@ -10,6 +10,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, Literal
 
+import msgspec
+
 from verefine_viz.page.frame_messages import BranchListed, FrameMessage
 from verefine_viz.page.run_messages import IterationRow, RunMessage, VerdictMessage
 from verefine_viz.page.wire import Pose
@@ -110,6 +112,9 @@ class SharedBranch:
         yield {**around, "part": "other"}
         if result.k or last:
             yield {"what": "crops", "branch": self._branch.index, "k": result.k or last}
+        if result.film:
+            moments = msgspec.to_builtins([one.drawn for one in result.film])
+            yield {"what": "film", "obj": obj, "branch": self._branch.index, "moments": moments}
         yield {"what": "recorded", "branch": self._branch.index, "obj": obj, "done": n}
 
     def _together(self) -> Iterator[Json]:

@@ -7,16 +7,23 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+import numpy as np
 from msgspec import structs
 
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import SceneSettings
+from verefine_viz.core.protocols import Verifier
+from verefine_viz.core.settings import SceneSettings, ScoreSettings, Session
+from verefine_viz.diagnosis.key_moments import key_moments
 from verefine_viz.page.gallery import Gallery, GalleryEntry
 from verefine_viz.page.live_gallery import LiveGallery
-from verefine_viz.pictures.answer_pictures import picture_source, thumbnail
+from verefine_viz.pictures.answer_pictures import picture_source, thumbnail, webp
+from verefine_viz.pictures.film import Film
+from verefine_viz.rendering.registry import make_verifier
+from verefine_viz.run.run_file import read_run_file
 from verefine_viz.scenes.source import SceneSource
 
 _LOG = logging.getLogger(__name__)
@@ -86,6 +93,14 @@ class Thumbnails(Generic[K]):
         return b""
 
 
+@dataclass(frozen=True)
+class AnswerPicture:
+    """What is drawn of an answer: its small picture, or its film."""
+
+    entry: GalleryEntry
+    is_film: bool = False
+
+
 class Painter:
     """Draws answers of a gallery. Belongs to one thread.
 
@@ -97,6 +112,15 @@ class Painter:
         self._gallery = gallery
         self._sources: dict[SceneSettings, SceneSource] = {}
         self._problems: OrderedDict[tuple[SceneSettings, str], Problem] = OrderedDict()
+        self._verifiers: dict[ScoreSettings, Verifier] = {}
+
+    def draw(self, of: AnswerPicture) -> bytes:
+        """Draw what is asked for, as WebP.
+
+        Raises:
+            VerefineError: what it takes cannot be read.
+        """
+        return self.film(of.entry) if of.is_film else self(of.entry)
 
     def __call__(self, entry: GalleryEntry) -> bytes:
         """Draw an answer, as WebP.
@@ -112,6 +136,29 @@ class Painter:
         answer = self._gallery().runs[entry.run].answers(row.frame).get(row.instance_id)
         target = self._problem(entry).target(row.instance_id)
         return thumbnail(target, answer, WIDTH_PX)
+
+    def film(self, entry: GalleryEntry) -> bytes:
+        """Draw the key moments of an answer as a strip, from its run file, as WebP; empty where it has none.
+
+        Raises:
+            VerefineError: its frame, or the file of its run, cannot be read.
+        """
+        gallery, row = self._gallery(), entry.row
+        path = gallery.loose_record(entry) or gallery.records(entry.run)(row.frame)
+        record = None if path is None else read_run_file(path)
+        answers = () if record is None or record.end is None else record.end.answers
+        own = next((one for one in answers if one.instance_id == row.instance_id), None)
+        moments = () if record is None or own is None else key_moments(record, own)
+        if not moments or row.instance_id is None:
+            return b""
+        verifier, target = self._verifier(gallery.runs[entry.run].session), self._problem(entry).target(row.instance_id)
+        film = Film(target, moments, lambda moment, T: verifier.maps(target, T), verifier.settings.tau_m)
+        return webp(np.asarray(film.strip(f"{row.name}   frame {row.frame}")))
+
+    def _verifier(self, session: Session) -> Verifier:
+        if self._verifiers.get(session.score) is None:
+            self._verifiers[session.score] = make_verifier(session.score)
+        return self._verifiers[session.score]
 
     def _problem(self, entry: GalleryEntry) -> Problem:
         index = self._gallery().runs[entry.run]

@@ -11,6 +11,7 @@ from verefine_viz.page.answers_to_wants import AnyAnswer
 from verefine_viz.page.views.comparison import comparison
 from verefine_viz.page.views.crops import crops
 from verefine_viz.page.views.doubt_picture import doubt
+from verefine_viz.page.views.film_moments import film
 from verefine_viz.page.views.physics import physics
 from verefine_viz.page.views.pixel_maps import maps
 from verefine_viz.page.views.pixel_point import point
@@ -20,6 +21,7 @@ from verefine_viz.page.views.refined_here import refined_here
 from verefine_viz.page.views.score_landscape import landscape
 from verefine_viz.page.views.sequence import sequence
 from verefine_viz.page.views.shaded_model import shaded
+from verefine_viz.pictures.film import film_pictures
 from verefine_viz.pictures.shaded_models import shaded_picture
 from verefine_viz.pictures.silhouettes import outline
 from verefine_viz.pictures.surface_distances import point_distance
@@ -38,4 +40,5 @@ ANSWERS: dict[type, Callable[..., AnyAnswer]] = {
     p.CropsWanted: crops,
     p.SequenceWanted: sequence,
     p.RecordedWanted: recorded,
+    p.FilmWanted: partial(film, pictures_of=film_pictures),
 }

@@ -14,7 +14,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.palette import STAGE_COLORS, Image, depth_scale
+from verefine_viz.core.palette import RGB, STAGE_COLORS, Image, depth_scale
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import Session
 from verefine_viz.pictures.contours import draw_contours
@@ -49,7 +49,7 @@ class ShownPart:
 
     def camera(self, camera: Camera, width_px: int = WIDTH_PX) -> Camera:
         """The camera that sees this part in a picture of this width."""
-        height_px = height_of(width_px)
+        height_px = round(width_px * self.height / self.width)
         scale_x, scale_y = width_px / self.width, height_px / self.height
         # Pixel centres are at integers: the window's edge at u0 is half a pixel before that of pixel u0.
         K = np.array(
@@ -67,8 +67,11 @@ def height_of(width_px: int) -> int:
     return round(width_px * HEIGHT_PX / WIDTH_PX)
 
 
-def window_around(target: Target, poses: Sequence[Float]) -> ShownPart:
-    """What to show: the object's mask and its model at all poses, as far as they are in the image."""
+def window_around(target: Target, poses: Sequence[Float], aspect: float = WIDTH_PX / HEIGHT_PX) -> ShownPart:
+    """What to show: the object's mask and its model at all poses, as far as they are in the image.
+
+    ``aspect``: width by height of the picture.
+    """
     camera = target.observation.camera
     rows, columns = np.nonzero(target.instance.mask)
     corners = [np.stack([columns, rows], axis=1).astype(float)]
@@ -80,10 +83,10 @@ def window_around(target: Target, poses: Sequence[Float]) -> ShownPart:
     pixels = np.clip(pixels, 0, limits) if len(pixels) else np.array([[0.0, 0.0], limits])
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     width, height = np.maximum((high - low) * (1 + 2 * MARGIN), SMALLEST_PX)
-    width = max(width, height * WIDTH_PX / HEIGHT_PX)
+    width = max(width, height * aspect)
     # Never larger than the image, always of the picture's shape.
-    width = min(width, camera.width, camera.height * WIDTH_PX / HEIGHT_PX)
-    size = np.array([width, width * HEIGHT_PX / WIDTH_PX])
+    width = min(width, camera.width, camera.height * aspect)
+    size = np.array([width, width / aspect])
     u0, v0 = np.clip((low + high) / 2 - size / 2, 0, limits - size)
     return ShownPart(float(u0), float(v0), float(size[0]), float(size[1]))
 
@@ -93,13 +96,18 @@ def thumbnail(target: Target, T_cam_obj: Float | None, width_px: int) -> bytes:
     drawn = {"ground truth": target.instance.T_cam_obj_gt, "accepted": T_cam_obj}
     poses = {kind: T for kind, T in drawn.items() if T is not None}
     window, size = window_around(target, [*poses.values()]), (width_px, height_of(width_px))
-    camera = window.camera(target.observation.camera, width_px)
     whole = PilImage.fromarray(camera_image(target.observation))
     image = np.array(whole.resize(size, PilImage.Resampling.BICUBIC, window.box))
-    for kind, T in poses.items():
+    return webp(with_outlines(image, target, window, [(T, STAGE_COLORS[kind]) for kind, T in poses.items()]))
+
+
+def with_outlines(image: Image, target: Target, window: ShownPart, poses: Sequence[tuple[Float, RGB]]) -> Image:
+    """A picture (H, W, 3) of a part of the image with the contours of a model at some poses, the last one on top."""
+    camera = window.camera(target.observation.camera, image.shape[1])
+    for T, color in poses:
         depth_m = draw_placed([Placed(0, target.model, T)], camera)[0]
-        image = draw_contours(image, depth_m > 0, STAGE_COLORS[kind])
-    return webp(image)
+        image = draw_contours(image, depth_m > 0, color)
+    return image
 
 
 def picture_source(session: Session, frames: Sequence[str]) -> SceneSource:

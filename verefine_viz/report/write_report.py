@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from msgspec.structs import replace
 from rich.markup import escape
@@ -28,10 +28,13 @@ from verefine_viz.report.report_message import RecallsOf, StepProgress, report_m
 
 if TYPE_CHECKING:
     from verefine_viz.page.share import SharedRun
+    from verefine_viz.page.thumbnails import Painter
 
 FILE_NAME = "report.html"
 MOST_PICTURES = 300
 """Cards with a picture, the worst answers first: 5 to 12 kB each."""
+MOST_FILMS = 12
+"""Answers with a film, the worst first: 40 to 90 kB each."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +51,8 @@ class ReportTools:
     """What works out and draws for a report; ``commands/report.py`` puts it together."""
 
     recalls_of: RecallsOf
-    painter_of: Callable[[Gallery], Callable[[GalleryEntry], bytes]]
-    """Makes what draws the small pictures of a gallery's answers, as WebP; empty where it cannot."""
+    painter_of: Callable[[Gallery], Painter]
+    """Makes what draws small pictures and films of a gallery's answers, as WebP; empty where it cannot."""
     shared_answer: Callable[[Gallery, GalleryEntry, str, Collection[int], str], SharedRun]
     """What the page shows of an answer's frame: with the command that opens it, the instances that are shown in depth,
     and how the keys of its arrays begin."""
@@ -116,7 +119,10 @@ def write_report(
     message = report_message(sections, gallery, left_out, tools.recalls_of, progress)
     answers, notes = answers_message(gallery), list(message.notes)
     worst_first = answers.orders[0].keys
-    painted = _pictures(tools.painter_of(gallery), gallery, worst_first, pictures, notes, progress)
+    painter = tools.painter_of(gallery)
+    painted = _pictures(painter, "thumb", gallery, worst_first, pictures, notes, progress)
+    filmed = [key for key in worst_first if answers.rows[key].film and key in painted]
+    films = _pictures(painter.film, "film", gallery, filmed, MOST_FILMS, notes, progress)
     folder = path.with_name(f"{path.stem}-frames")
     shown = _frames(tools, gallery, worst_first, embed, beside, folder, notes, progress)
     group_of = {id(row): group.name for section in sections for group in section.groups for row in group.rows}
@@ -129,6 +135,7 @@ def write_report(
             group=group_of[id(entry.row)],
             compared=compared.get(id(entry.row), ""),
             thumb=row.key in painted,
+            film=row.key in films,
             command=_command(gallery, entry),
             part=shown.parts.get(row.key),
             file=shown.files.get(row.key),
@@ -144,7 +151,7 @@ def write_report(
     ]
     progress("writing", 0, 1)
     with atomic(path) as file:
-        page = bundle(messages, (), [*painted.values(), *shown.elements], message.title)
+        page = bundle(messages, (), [*painted.values(), *films.values(), *shown.elements], message.title)
         file.write_text(page, encoding="utf-8", errors="replace")
     n_left = len(left_out)
     notes += [f"{n_left} of {len(folders)} runs left out, see the report."] if n_left else []
@@ -157,13 +164,14 @@ def write_report(
 
 def _pictures(
     paint: Callable[[GalleryEntry], bytes],
+    what: Literal["thumb", "film"],
     gallery: Gallery,
     worst_first: Sequence[int],
     most: int,
     notes: list[str],
     progress: StepProgress,
 ) -> dict[int, str]:
-    """The small pictures of the worst answers as HTML, by their keys."""
+    """The small pictures, or films, of the worst answers as HTML, by their keys."""
     drawn = dict[int, str]()
     keys = [key for key in worst_first if gallery.entries[key].row.was_asked_for][:most]
     # Frame by frame: a frame is read once.
@@ -177,7 +185,7 @@ def _pictures(
             failed[f"No pictures: {error}."] = None
             continue
         if image:
-            drawn[key] = picture(f"/thumb/{key}", image, "image/webp")
+            drawn[key] = picture(f"/{what}/{key}", image, "image/webp")
     notes += failed
     return drawn
 

@@ -70,6 +70,7 @@ def _row(gallery: Gallery, key: int, entry: GalleryEntry) -> GalleryRow:
         tags=gallery.tags_of(entry),
         opens=entry.can_be_opened,
         thumb=row.was_asked_for,
+        film=row.status == "ok" and row.n_iterations > 0,
     )
 
 

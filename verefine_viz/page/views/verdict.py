@@ -13,6 +13,7 @@ from verefine_viz.core.accuracy import CORRECT
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.causes import Cause, advice_on, cause_title
 from verefine_viz.core.finding import Finding
+from verefine_viz.core.moment import Moment
 from verefine_viz.core.problem import ANSWER, Placed, Target
 from verefine_viz.core.records import Best
 from verefine_viz.core.refiner_steps import TrainedRefiner
@@ -24,6 +25,7 @@ from verefine_viz.evaluation.rotation_errors import turning_on
 from verefine_viz.evaluation.trained_range import start_of
 from verefine_viz.methods.known_methods import method_of
 from verefine_viz.page.frame_objects import labels_of
+from verefine_viz.page.protocol import pose_matrix
 from verefine_viz.page.run_messages import (
     AllowedByImage,
     AnswerTone,
@@ -36,6 +38,7 @@ from verefine_viz.page.run_messages import (
 )
 from verefine_viz.page.views.allowed_ghosts import allowed_ghosts
 from verefine_viz.page.views.doubts import shown_doubts
+from verefine_viz.page.views.film_moments import moments_of, shown_moment
 from verefine_viz.page.views.physics_doubts import doubts_of
 from verefine_viz.page.wire import Pose, pose_numbers
 from verefine_viz.run.record import Answer
@@ -66,7 +69,8 @@ def verdict_message(branch: Branch, entry: Mapping[int, Answer] | None = None) -
         entry: what a batch reports of it by instance_id, which made re-runs.
     """
     objects = finished_objects(branch)
-    shown = [_object(branch, o, (entry or {}).get(o.instance_id)) for o in objects]
+    films = _films(branch, objects, entry or {})
+    shown = [_object(branch, o, (entry or {}).get(o.instance_id), films.get(o.instance_id, ())) for o in objects]
     truths = {o.instance_id for o in objects if o.target.instance.T_cam_obj_gt is not None}
     return VerdictMessage(
         branch=branch.index,
@@ -77,6 +81,34 @@ def verdict_message(branch: Branch, entry: Mapping[int, Answer] | None = None) -
         doubts=shown_doubts(branch),
         notes=_notes(branch),
     )
+
+
+def films(branch: Branch, entry: Mapping[int, Answer] | None = None) -> dict[int, tuple[Moment, ...]]:
+    """Return the key moments of every object of a run that is over, by instance; none of one without an answer.
+
+    Args:
+        branch: the run.
+        entry: what a batch reports of it by instance_id.
+    """
+    return _films(branch, finished_objects(branch), entry or {})
+
+
+def _films(
+    branch: Branch, objects: Sequence[FinishedObject], entry: Mapping[int, Answer]
+) -> dict[int, tuple[Moment, ...]]:
+    record = branch.run.record(branch.settings, {}) if objects else None
+    out: dict[int, tuple[Moment, ...]] = {}
+    for o in objects:
+        if record is not None and o.answer is not None:
+            findings, other = merged(_named(branch, o), entry.get(o.instance_id)), _also_fits(o)
+            moments = moments_of(branch, record, o, findings, None if other is None else pose_matrix(other))
+            out[o.instance_id] = moments
+    return {own: moments for own, moments in out.items() if moments}
+
+
+def _named(branch: Branch, o: FinishedObject) -> list[Finding]:
+    """Return the signs of a finished object."""
+    return list(signs(o, branch.settings, branch.run.method_of(branch.run.length).refiner))
 
 
 def finished_objects(branch: Branch) -> tuple[FinishedObject, ...]:
@@ -156,12 +188,11 @@ def _error(evaluator: CachedEvaluator, target: Target, T_cam_obj: Float) -> floa
     return None if errors is None else errors.relative
 
 
-def _object(branch: Branch, o: FinishedObject, batch: Answer | None) -> JudgedObject:
+def _object(branch: Branch, o: FinishedObject, batch: Answer | None, film: Sequence[Moment] = ()) -> JudgedObject:
     best, rival, limit = o.answer, o.runner_up, 1e3 * CORRECT * o.target.model.diameter_m
     if best is None:
         return JudgedObject(o.instance_id, o.label, "none", cause_title(Cause.NO_HYPOTHESIS), limit, findings=())
-    refiner = branch.run.method_of(branch.run.length).refiner
-    named = list(signs(o, branch.settings, refiner))
+    named = _named(branch, o)
     findings, own_causes = merged(named, batch), {sign.cause for sign in named}
     also = _also_fits(o)
     tone, words = _words(branch, o, named, also is not None)
@@ -189,6 +220,7 @@ def _object(branch: Branch, o: FinishedObject, batch: Answer | None) -> JudgedOb
         and RunnerUpPose(rival.pose.arm, rival.lead, rival.apart_mm, pose_numbers(rival.pose.T_cam_obj)),
         also_fits=also,
         allowed=_allowed(branch, o, [finding.cause for finding in findings]),
+        film=[shown_moment(moment) for moment in film],
         trained=_trained(branch, o.target),
     )
 

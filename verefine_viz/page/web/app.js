@@ -13,6 +13,7 @@ import { momentOf } from "./moment.js";
 import { Button, counted, IconButton, Icon, Menu, Pane, Splitter, Tabs } from "./ui.js";
 import { Verdict } from "./verdict.js";
 import { Objects } from "./objects.js";
+import { Film } from "./film.js";
 import { Timeline } from "./timeline.js";
 import { ImagePane } from "./image.js";
 import { MapsPane } from "./maps.js";
@@ -25,21 +26,28 @@ import { tabs, idOf } from "./tabs/all.js";
 
 /** @import { BranchListed, BusyMessage } from "./messages.d.ts" */
 
+const fr = (share) => `minmax(0, ${share}fr)`;
+// The film stands above the timeline, in a file above all.
+const rowsOf = (size) => {
+  const panes = `${fr(1 - size.maps - size.timeline)} 1px ${fr(size.maps)} 1px`;
+  return `auto ${isFile ? `auto ${panes}` : `${panes} auto`} ${fr(size.timeline)} auto`;
+};
+const kindOfFile = () => (isFile ? `is-file ${state.file?.scene ? "" : "no-scene"}` : "");
+
 function Page() {
   const [preset, full, frame, connection, busy, report] = useStore((s) =>
     [s.view.preset, s.view.full, s.frame, s.connection, s.busy, s.report, s.sizes, isLarge()]);
   const size = sizesOf(state);
   const [gallery, labels] = ["gallery", "label"].map((id) => preset === id);
-  const fr = (share) => `minmax(0, ${share}fr)`;
   const grid = {
     gridTemplateColumns: `${fr(size.image)} 1px ${fr(1 - size.image)} 1px minmax(0, ${100 * size.inspector}vw)`,
-    gridTemplateRows: labels ? `auto ${fr(1)} 0 0 0 auto auto`
-      : `auto ${fr(1 - size.maps - size.timeline)} 1px ${fr(size.maps)} 1px ${fr(size.timeline)} auto`,
+    gridTemplateRows: labels ? `auto ${fr(1)} 0 0 0 0 auto auto` : rowsOf(size),
   };
-  const classes = `page ${state.file && !state.file.scene ? "no-scene" : ""} ${labels ? "labels" : ""} ${gallery ? `shows-gallery ${frame ? "" : "alone"}` : full ? `full full-${full}` : ""}`;
+  const classes = `page ${kindOfFile()} ${labels ? "labels" : ""} ${gallery ? `shows-gallery ${frame ? "" : "alone"}` : full ? `full full-${full}` : ""}`;
   // The 3D pane stays where it is in every layout: taken out, it would be loaded again.
   return html`<div class=${classes} style=${grid}>
     <${Verdict} />
+    <${Film} />
     <${Guard} name="image"><${ImagePane} /><//>
     <${Splitter} axis="x" area="split-image" share=${size.image * (1 - size.inspector)}
       onShare=${(x) => setSize("image", x / (1 - size.inspector))} />

@@ -1,7 +1,7 @@
 // The answers of a batch as cards, with filters and tags. Sorts and filters without the server.
 import { html } from "htm/preact";
 import { useState, useEffect, useLayoutEffect, useRef } from "preact/hooks";
-import { addressOf, send, state, useStore } from "./store.js";
+import { addressOf, send, state, update, useStore } from "./store.js";
 import { besideError, choose, chosenOf, errorWords, failures, neighbour, openAnswer, openRow, passes, TONES, valuesOf,
   visible } from "./answers.js";
 import { Button, Icon, IconButton, Select, number } from "./ui.js";
@@ -187,8 +187,29 @@ function Cards() {
           order=${gallery.order} isSeen=${isSeen(Math.floor(n / columns))} current=${row.key === gallery.at} open=${row.key === open && frame} />`;
       })}
     </div>
+    <${CardFilm} />
     ${rows.length === 0 && html`<p class="empty">No answer passes the filters. <button class="link" title="without filters" onClick=${() => choose({ only: {}, search: "" })}>Show all</button></p>`}
   </div>`;
+}
+
+// The answer stands in the address of its picture: another one that gets its number has another picture.
+/** @type {(what: "thumb" | "film", row: GalleryRow) => string} */
+const pictureOf = (what, row) =>
+  addressOf(`/${what}/${row.key}?${encodeURIComponent(`${row.run} ${row.frame} ${row.obj} ${row.score ?? ""}`)}`);
+
+// Not in the card, which is moved: there it could not lie over all.
+function CardFilm() {
+  const row = useStore((s) => s.answers?.rows[s.filmOf] ?? null);
+  return row && html`<img class="card-film" key=${row.key} src=${pictureOf("film", row)} alt="" onError=${() => showFilm(null)} />`;
+}
+
+// The film of the card under the mouse, once that rests on it.
+const REST_MS = 500;
+let resting = null;
+function showFilm(/** @type {number | null} */ key) {
+  clearTimeout(resting);
+  if (key != null) resting = setTimeout(() => update({ filmOf: key }), REST_MS);
+  else if (state.filmOf != null) update({ filmOf: null });
 }
 
 function toggle(key) {
@@ -205,10 +226,8 @@ function Card({ row, place, several, selected, current, open, order, isSeen }) {
     if (e.ctrlKey || e.metaKey || e.shiftKey) toggle(row.key);
     else openAnswer(row);
   };
-  // The answer stands in the address of its picture: another one that gets its number has another picture.
-  const picture = addressOf(`/thumb/${row.key}?${encodeURIComponent(`${row.run} ${row.frame} ${row.obj} ${row.score ?? ""}`)}`);
-  return html`<article class=${`card ${row.tone} ${selected ? "selected" : ""} ${current ? "current" : ""} ${row.opens ? "opens" : ""}`} style=${place} title=${tipOf(row)} onClick=${click}>
-    <div class="thumb">${row.thumb ? html`<img src=${picture} alt="" fetchpriority=${isSeen ? "high" : "low"} draggable=${false} />` : html`<span>${errorWords(row)}</span>`}
+  return html`<article onMouseEnter=${() => row.film && showFilm(row.key)} onMouseLeave=${() => showFilm(null)} class=${`card ${row.tone} ${selected ? "selected" : ""} ${current ? "current" : ""} ${row.opens ? "opens" : ""}`} style=${place} title=${tipOf(row)} onClick=${click}>
+    <div class="thumb">${row.thumb ? html`<img src=${pictureOf("thumb", row)} alt="" fetchpriority=${isSeen ? "high" : "low"} draggable=${false} />` : html`<span>${errorWords(row)}</span>`}
       <i class="tone-mark" title=${words}><${Icon} name=${icon} /></i>
       ${open && html`<b class="open-mark">open</b>`}
       <input type="checkbox" checked=${selected} title="Select (X, or Ctrl and click)" onChange=${() => toggle(row.key)} /></div>

@@ -40,8 +40,9 @@ const write = (patch) => {
   }
 };
 
-const { sizes = state.sizes, speed = state.speed, colorBy = state.colorBy, hiddenMaps = state.hiddenMaps } = read();
-update({ sizes, speed, colorBy, hiddenMaps });
+const { sizes = state.sizes, speed = state.speed, colorBy = state.colorBy, hiddenMaps = state.hiddenMaps,
+  filmFolded = state.filmFolded } = read();
+update({ sizes, speed, colorBy, hiddenMaps, filmFolded });
 
 export function sizesOf(s) {
   const { sizes } = PRESETS.find((p) => p.id === s.view.preset) ?? PRESETS[0];

@@ -578,6 +578,8 @@ export interface JudgedObject {
   also_fits: Pose | null;
   /** null before the score around the answer is known, and where nothing that looks otherwise is allowed. */
   allowed: AllowedByImage | null;
+  /** How the answer came about, in four to six moments. */
+  film: MomentShown[];
   /** null where it is unknown, or ground truth is. */
   trained: RefinerRange | null;
 }
@@ -620,6 +622,23 @@ export interface AllowedByImage {
   /** Whether they are drawn until they are hidden: the observation cannot tell, or a turn is undetermined by far. */
   unasked: boolean;
 }
+
+/** A key moment of what the run did to an object. */
+export interface MomentShown {
+  /** 0 = before the first; the answer stands at the last. */
+  k: number;
+  /** The last stage that is shown; null = all of the iteration. */
+  stage: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated" | null;
+  title: string;
+  caption: string;
+  /** What is drawn over the photo: names and colours. */
+  legend: [string, [number, number, number]][];
+  /** As the want `film` has it. */
+  drawn: MomentDrawn;
+}
+
+/** What is drawn of a key moment: `[k, poses, map, layer]`. */
+export type MomentDrawn = [k: number, poses: [string, Pose][], map: string, layer: string];
 
 /** How far from ground truth a learned refiner was trained to begin, and how far the initial poses are. */
 export interface RefinerRange {
@@ -1030,14 +1049,22 @@ export interface RecordedWanted {
   done?: number;
 }
 
-/** Write a file: the session, a recording, the page, the table of results, the score maps, or the verbs. */
+/** Pictures of the key moments of an object. */
+export interface FilmWanted {
+  what: "film";
+  obj: number;
+  moments: MomentDrawn[];
+  branch?: number;
+}
+
+/** Write a file: the session, a recording, the page, the table of results, the score maps, the film, the verbs. */
 export interface Save {
   verb: "save";
-  what: "maps" | "recording" | "results" | "session" | "share" | "verbs";
+  what: "film" | "maps" | "recording" | "results" | "session" | "share" | "verbs";
   branch?: number;
   /** Of the maps: the iteration that is shown. */
   k?: number;
-  /** Of the maps: the object. */
+  /** Of the maps, or of the film: the object. */
   obj?: number | null;
   /** Of the maps: the poses of the object, by name. */
   poses?: [string, Pose][];
@@ -1650,6 +1677,12 @@ export interface GraspFrame {
   objects: [number, [number, number][]][];
 }
 
+/** Pictures of key moments: the photo with contours, and the map beside it. */
+export interface FilmAnswer {
+  what: "film";
+  urls: string[];
+}
+
 /** What was asked for cannot be given. */
 export interface GoneAnswer {
   what: "gone";
@@ -1728,6 +1761,8 @@ export interface GalleryRow {
   opens: boolean;
   /** Whether it has a small picture. */
   thumb: boolean;
+  /** Whether it has a film. */
+  film: boolean;
   /** Of reports alone, as all below: the group of its run. */
   group?: string;
   /** Which of two runs is wrong, in words. */
@@ -2024,6 +2059,7 @@ export type AnyAnswer =
   | RecordedAnswer
   | SequenceAnswer
   | GraspAnswer
+  | FilmAnswer
   | GoneAnswer;
 
 export type AnyVerb =
@@ -2066,4 +2102,5 @@ export type AnyWant =
   | ComparisonWanted
   | CropsWanted
   | SequenceWanted
-  | RecordedWanted;
+  | RecordedWanted
+  | FilmWanted;

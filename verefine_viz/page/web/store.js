@@ -176,6 +176,8 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @property {number} speed  iterations a second of a replay
  * @property {"score" | "rank" | "error"} colorBy  what colours on the timeline say
  * @property {string[]} hiddenMaps  names
+ * @property {boolean} filmFolded
+ * @property {number | null} filmOf  the card of the gallery whose film is shown
  */
 
 /** @type {State} */
@@ -246,6 +248,8 @@ export const state = {
   speed: 8,
   colorBy: "rank",
   hiddenMaps: [],
+  filmFolded: false,
+  filmOf: null,
 };
 
 /**

@@ -3,7 +3,7 @@ import { html } from "htm/preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { addressOf, state, useStore, setView, send, update } from "./store.js";
 import { editWords, isLabelled, momentOf, runOf, worstOf } from "./moment.js";
-import { seek } from "./cursor.js";
+import { goTo } from "./film.js";
 import { limitWords } from "./palette.js";
 import { DoubtBadges } from "./doubt_card.js";
 import { Button, counted, Icon, IconButton, Menu, MenuItem, number } from "./ui.js";
@@ -13,7 +13,7 @@ import { addKeys, nameToOpen, titled } from "./keys.js";
 import { copyLink } from "./address.js";
 import { presets, setPreset, switchTheme } from "./layout.js";
 
-/** @import { FindingShown, FrameMessage, JudgedObject, Open, TitledSession, VerdictMessage } from "./messages.d.ts" */
+/** @import { FrameMessage, JudgedObject, Open, TitledSession, VerdictMessage } from "./messages.d.ts" */
 /** @import { Moment } from "./moment.js" */
 
 const failureBeside = (/** @type {1 | -1} */ by) => (state.answers ? neighbour(state, by) : null);
@@ -167,28 +167,9 @@ function Words({ moment }) {
       <${Why} verdict=${verdict} first=${outcome.obj} n=${findings} />
     </div>
     <div class="second">${moment.isAnswer ? html`${several && verdict.scene?.words ? html`<span
-      class="scene">${verdict.scene.words}</span>` : ""}<span title=${outcome.words}>${capital(outcome.words)}</span><${ToCause} outcome=${outcome} />`
+      class="scene">${verdict.scene.words}</span>` : ""}<span title=${outcome.words}>${capital(outcome.words)}</span>`
       : html`<${Here} moment=${moment} />`}</div>
   </div>`;
-}
-
-// To the iteration of a finding, with the tab that pictures it: of the last one what it did, not the answer.
-/** @type {(obj: number, finding: FindingShown) => void} */
-function goTo(obj, { k, tab_there: tab }) {
-  const { rows } = runOf(state);
-  seek(k);
-  setView({ obj, arm: null, stage: k === rows.length ? rows[k - 1].stages.at(-1).name : null, ...(tab ? { tab } : {}) });
-}
-
-/**
- * Where what went wrong is seen, beside what it is.
- * @param {{ outcome: JudgedObject }} props
- */
-function ToCause({ outcome }) {
-  const first = outcome.findings?.[0];
-  if (!first?.k) return null;
-  return html`<button type="button" class="to-cause" title=${`show what happened there: ${first.title}`}
-    onClick=${() => goTo(outcome.obj, first)}><${Icon} name="event" />Show iteration ${first.k}</button>`;
 }
 
 /**
@@ -246,6 +227,9 @@ const numbers = (o) => [
 ].filter(Boolean).join(" · ");
 const capital = (text) => (text ? text[0].toUpperCase() + text.slice(1) : "");
 
+// What is shown of an iteration: of the last one what it did, not the answer.
+const stageAt = (/** @type {number} */ k) => (k === runOf(state).rows.length ? runOf(state).rows[k - 1].stages.at(-1).name : null);
+
 /** @param {{ verdict: VerdictMessage, first: number, n: number }} props */
 function Why({ verdict, first, n }) {
   const frame = useStore((s) => s.frame);
@@ -265,7 +249,7 @@ function Why({ verdict, first, n }) {
           <h4>${capital(f.title)}</h4><p>${f.text}</p>${f.advice && html`<p class="dim">${capital(f.advice)}.</p>`}
           <div class="group">
             ${f.k != null && f.k > 0 && html`<${Button} title="go there"
-              onClick=${() => { close(); goTo(o.obj, f); }}>Iteration ${f.k}<//>`}
+              onClick=${() => { close(); goTo(o.obj, { k: f.k, stage: stageAt(f.k), tab: f.tab_there }); }}>Iteration ${f.k}<//>`}
             ${f.tab && html`<${Button} title="the picture that shows it" onClick=${() => { close(); setView({ obj: o.obj, arm: null, tab: f.tab }); }}>Show<//>`}
             ${f.try && html`<${Button} engine title=${`a new branch from the start with ${wordsOf(f.try)}`} onClick=${() => {
               close();
