@@ -21,6 +21,9 @@ from verefine_viz.run.run_file import SUFFIX, read_run_file
 from verefine_viz.run.run_header import session_of
 from verefine_viz.run.session_file import load_session
 
+FIX_FOLDER = "fix"
+"""Beside runs: batches of remedies that were tried on them."""
+
 
 @dataclass(frozen=True)
 class BatchIndex:
@@ -150,8 +153,8 @@ def _runs_below(folder: Path, levels: int) -> dict[Path, tuple[Path, ...]]:
     by_folder = {folder: runs} if runs else {}
     if levels:
         for path in folders:
-            # A link could lead back.
-            if path not in runs and not path.is_symlink():
+            # A link could lead back; remedies that were tried on these runs are none of them.
+            if path not in runs and not path.is_symlink() and not (runs and path.name == FIX_FOLDER):
                 by_folder |= _runs_below(path, levels - 1)
     return by_folder
 

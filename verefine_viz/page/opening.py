@@ -112,7 +112,9 @@ def _open_batch(d: PageState, gallery: Gallery, window: int | None) -> None:
     except VerefineError:
         d.gallery = before
         raise
+    d.end_fix()
     d.post(answers_message(gallery), None)
+    d.send_fix(d.known_fix())
     d.show(gallery.worst.iteration, gallery.worst.row.instance_id, window)
 
 

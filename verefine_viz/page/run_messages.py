@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from verefine_viz.core.records import EventKind, StageName
+from verefine_viz.core.remedies import SettingValue
 from verefine_viz.page.frame_messages import DoubtShown, InitialPose
 from verefine_viz.page.wire import Message, Part, Pose
 
@@ -190,7 +191,7 @@ class FindingShown(Part, frozen=True):
     k: int | None
     """The iteration to look at; 0 = before the first."""
     advice: str
-    try_: Mapping[str, float] | None
+    try_: Mapping[str, SettingValue] | None
     """Settings that may help, by dotted name."""
     by_batch: bool
     """Whether it is the batch's, which made re-runs."""
