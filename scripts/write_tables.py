@@ -20,7 +20,7 @@ TABLES, CAUSES_PAGE = DOCS / "tables.md", DOCS / "causes.md"
 
 
 def tables_page(page: str) -> str:
-    """The text of docs/tables.md with the columns of frames.csv and fix.csv, and the numbers behind causes, as they are now."""
+    """The text of docs/tables.md with the columns of frames.csv and fix.csv, and numbers of causes, as it has to be."""
     tables = {
         "frames.csv": _described(Answer, [column.name for column in COLUMNS]),
         "fix.csv": _described(FixRow, FixRow.__struct_fields__),

@@ -29,6 +29,9 @@ from verefine_viz.core.causes import cause_title
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.run.session_file import save_session
 
+LOG_WIDTH = 140
+"""Where there is no terminal [characters]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FixRequest:
@@ -89,6 +92,7 @@ def run_fix(request: FixRequest, backend: Backend, write: Path | None) -> int:
     table = request.table(trials, runs)
     write_fix(table, request.target)
     console = Terminal(highlight=False, soft_wrap=True)
+    console.width = console.width if console.is_terminal else LOG_WIDTH
     console.print(printed(table))
     console.print(escape(f"Table in {request.target / CSV_FILE}"))
     if write is not None:
@@ -102,9 +106,9 @@ def printed(table: FixTable) -> Table:
     """The table for a terminal."""
     has_fit = any(row.judged_by == "fit" for row in table.rows)
     shown = Table(box=None, pad_edge=False, header_style="bold")
-    shown.add_column("remedy", no_wrap=True)
+    shown.add_column("remedy")
     shown.add_column("cause")
-    for head in ("came right", *(["fit better", "worse"] if has_fit else []), "broke", "net gain", "s a frame"):
+    for head in ("came right", *(["fit better", "worse"] if has_fit else []), "broke", "net gain", "s/frame"):
         shown.add_column(head, justify="right", no_wrap=True)
     for row in table.rows:
         gained, fit = f"{row.came_right} of {row.tried}", row.judged_by == "fit"

@@ -230,6 +230,12 @@ class PageState:
             frames = space.frames = gallery.frames(self.batch_run)
         self.post(answers_message(gallery, frames), None)
 
+    def put_beside(self, a: Branch, b: Branch) -> None:
+        """Show two branches side by side."""
+        self.space.work.compare = (a.index, b.index)
+        self.send_branches()
+        self.send_rows(b)
+
     # Remedies
 
     def known_fix(self) -> FixState:

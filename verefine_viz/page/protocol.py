@@ -202,6 +202,8 @@ class Open(Verb):
     """Folder of a batch, or of several."""
     link: Text = ""
     answer: Index | None = None
+    beside: Text = ""
+    """Of an answer: a recorded run of its frame, to be put beside it as B."""
     label: bool = False
     """The frames of the open session, to be labelled."""
     hulls: bool = False

@@ -208,9 +208,7 @@ def _compare(d: PageState, verb: p.Compare, window: int | None) -> None:
         b = space.branch(verb.b)
     else:
         raise InputError("compare with what? Name a branch, a recording, or settings to change")
-    space.work.compare = (a.index, b.index)
-    d.send_branches()
-    d.send_rows(b)
+    d.put_beside(a, b)
     if verb.run and not b.run.is_done:
         d.compute(Goal(b))
 

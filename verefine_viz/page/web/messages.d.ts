@@ -837,6 +837,8 @@ export interface Open {
   batch?: string;
   link?: string;
   answer?: number | null;
+  /** Of an answer: a recorded run of its frame, to be put beside it as B. */
+  beside?: string;
   /** The frames of the open session, to be labelled. */
   label?: boolean;
   /** Whether physics takes every model for its convex hull, so that nothing has to be decomposed. */

@@ -46,7 +46,7 @@ function Write({ shown, several }) {
   const name = chosen.join(" + ");
   const tried = shown.rows.some((row) => row.remedy === name);
   if (!chosen.length) return html`<span class="dim">Choose remedies to write their session</span>`;
-  if (!tried) return html`<${Button} engine kind="primary" title=${`Try ${name}`} onClick=${() => send({ verb: "fix", take: chosen })}>Try both together<//>`;
+  if (!tried) return html`<${Button} engine kind="primary" title=${`Try ${name}`} onClick=${() => send({ verb: "fix", take: chosen })}>Try together<//>`;
   return html`<input value=${file} spellcheck=${false} title=${several ? "One file for each run: its name is added" : "File"}
       onInput=${(e) => choose({ file: e.currentTarget.value })} />
     <${Button} engine kind="primary" title=${`The session with ${name}`} disabled=${!file.trim()}
@@ -103,7 +103,5 @@ function Changed({ shown, row }) {
  */
 function openBoth(one) {
   const row = one.key == null ? undefined : state.answers?.rows[one.key];
-  if (!row?.opens) return;
-  openAnswer(row);
-  if (one.recording) send({ verb: "compare", a: 0, recording: one.recording, run: false });
+  if (row) openAnswer(row, one.recording);
 }
