@@ -42,8 +42,8 @@ from verefine_viz.page.views.doubts import shown_doubts
 from verefine_viz.page.views.frame import frame_message
 from verefine_viz.page.views.gallery_answers import answers_message
 from verefine_viz.page.views.label_list import labels_message
-from verefine_viz.page.views.remedies import fix_message
 from verefine_viz.page.views.rows import run_message
+from verefine_viz.page.views.tried_remedies import fix_message
 from verefine_viz.page.views.verdict import finished_objects, verdict_message
 from verefine_viz.page.worker import Post
 from verefine_viz.page.workspace import Workspace

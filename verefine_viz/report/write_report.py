@@ -23,7 +23,7 @@ from verefine_viz.page.gallery import Gallery, GalleryEntry
 from verefine_viz.page.messages import FileMessage
 from verefine_viz.page.sent_palette import hello
 from verefine_viz.page.views.gallery_answers import answers_message
-from verefine_viz.page.views.remedies import fix_shown, keys_of
+from verefine_viz.page.views.tried_remedies import fix_shown, keys_of
 from verefine_viz.report.groups import read_runs, sections_of
 from verefine_viz.report.pair_difference import wrong_in
 from verefine_viz.report.report_message import RecallsOf, StepProgress, report_message
