@@ -214,7 +214,7 @@ def test_a_first_frame_that_cannot_be_read_is_passed_over_and_noted():
 
 def test_an_answer_opens_with_another_run_of_its_frame_beside_it(gallery: Gallery, posted: Posted):
     d = debugger_of(gallery, posted)
-    run = d.gallery.answer(0)
+    run = gallery.answer(0)
     file = gallery.runs[run.run].folder / "runs"
     other = next(path for path in sorted(file.glob("*.vfrun")) if path.stem == "000000_00000" + run.row.frame[-1])
     d.carry_out([p.Open(answer=0, beside=str(other))])
