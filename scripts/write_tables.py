@@ -5,11 +5,13 @@ from __future__ import annotations
 import ast
 import inspect
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
+from verefine_viz.batch.remedy_table import FixRow
 from verefine_viz.core.causes import CAUSES, RERUN_NUMBERS, Cause
+from verefine_viz.core.remedies import Remedy
 from verefine_viz.run.answers import COLUMNS
 from verefine_viz.run.record import Answer
 
@@ -18,18 +20,28 @@ TABLES, CAUSES_PAGE = DOCS / "tables.md", DOCS / "causes.md"
 
 
 def tables_page(page: str) -> str:
-    """The text of docs/tables.md with the columns of frames.csv, and the numbers behind causes, as they are now."""
-    texts = _docstrings()
-    columns = [f"| `{column.name}` | {texts[column.name]} |" for column in COLUMNS]
-    return _with_rows(_with_rows(page, "frames.csv", columns), "Evidence", _number_rows())
+    """The text of docs/tables.md with the columns of frames.csv and fix.csv, and numbers of causes, as it has to be."""
+    tables = {
+        "frames.csv": _described(Answer, [column.name for column in COLUMNS]),
+        "fix.csv": _described(FixRow, FixRow.__struct_fields__),
+        "Evidence": _number_rows(),
+    }
+    for heading, rows in tables.items():
+        page = _with_rows(page, heading, rows)
+    return page
 
 
-def _docstrings() -> dict[str, str]:
-    """Docstrings of fields and properties of an answer, by name, as markdown in one line."""
-    (answer,) = ast.parse(inspect.getsource(Answer)).body
-    assert isinstance(answer, ast.ClassDef)
+def _described(row: type, names: Sequence[str]) -> list[str]:
+    texts = _docstrings(row)
+    return [f"| `{name}` | {texts[name]} |" for name in names]
+
+
+def _docstrings(row: type) -> dict[str, str]:
+    """Docstrings of fields and properties of a struct, by name, as markdown in one line."""
+    (defined,) = ast.parse(inspect.getsource(row)).body
+    assert isinstance(defined, ast.ClassDef)
     texts: dict[str, str] = {}
-    for at, behind in pairwise([*answer.body, ast.Pass()]):
+    for at, behind in pairwise([*defined.body, ast.Pass()]):
         match at, behind:
             case ast.AnnAssign(ast.Name(name)), ast.Expr(ast.Constant(str(text))):
                 texts[name] = text
@@ -66,11 +78,17 @@ def _section(cause: Cause) -> str:
     parts = [
         f"## {_capital(known.title)}",
         f"`{cause}`: {known.what}. Found {known.shown_by}.",
-        f"{_capital(known.advice)}.",
+        f"{_capital(known.advice)}.{_tried(known.remedies)}",
         f"![{known.picture}](causes/{cause}.png)",
         *([f"`verefine-viz {known.command}`"] if known.command else []),
     ]
     return "\n" + "\n\n".join(parts) + "\n"
+
+
+def _tried(remedies: Sequence[Remedy]) -> str:
+    """Remedies as code; a multiple that only the finding knows with the name of its number."""
+    names = (f"{one.setting} x ({one.times_number})" if one.times_number == "factor" else one.name for one in remedies)
+    return f" `verefine-viz fix` tries {', '.join(f'`{name}`' for name in names)}." if remedies else ""
 
 
 def _capital(text: str) -> str:

@@ -32,6 +32,7 @@ from verefine_viz.commands.doctor import DoctorCommand
 from verefine_viz.commands.estimate import EstimateCommand
 from verefine_viz.commands.evaluate import EvaluateCommand
 from verefine_viz.commands.film_strip import FilmCommand
+from verefine_viz.commands.fix import FixCommand
 from verefine_viz.commands.flags import HELP_SETTINGS, SECTIONS, show_help
 from verefine_viz.commands.import_data import ImportCommand
 from verefine_viz.commands.label import LabelCommand
@@ -61,6 +62,7 @@ COMMANDS: dict[str, type[Command]] = {
     "evaluate": EvaluateCommand,
     "study": StudyCommand,
     "train": TrainCommand,
+    "fix": FixCommand,
     "report": ReportCommand,
     "share": ShareCommand,
     "film": FilmCommand,

@@ -210,3 +210,14 @@ def test_a_first_frame_that_cannot_be_read_is_passed_over_and_noted():
     assert space.problem.notes[-1] == "frame 0/1 cannot be read and is passed over: depth/000001.png is cut off"
     with pytest.raises(InputError, match=r"^depth/000001.png is cut off$"):  # It is asked for by its name.
         Workspace(SESSION, None, WithoutTheFirst, frame="0/1")
+
+
+def test_an_answer_opens_with_another_run_of_its_frame_beside_it(gallery: Gallery, posted: Posted):
+    d = debugger_of(gallery, posted)
+    run = gallery.answer(0)
+    file = gallery.runs[run.run].folder / "runs"
+    other = next(path for path in sorted(file.glob("*.vfrun")) if path.stem == "000000_00000" + run.row.frame[-1])
+    d.carry_out([p.Open(answer=0, beside=str(other))])
+    assert d.space.work.compare is not None
+    a, b = (d.space.branches[index] for index in d.space.work.compare)
+    assert (a is d.space.work.first, b.recording == other) == (True, True)

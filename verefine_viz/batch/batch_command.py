@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,6 +52,22 @@ def run_jobs(
             outcome = _run(jobs[0], jobs[0].folder.name, backend, retry_failed, task, None, progress)
         _print_summary(outcome)
         return 0 if outcome.is_whole else 1
+    outcomes = list[tuple[BatchJob, BatchOutcome]]()
+    for job, outcome in solved_jobs(jobs, backend, retry_failed, task):
+        outcomes.append((job, outcome))
+        _print_line(outcome)
+    _print_all(outcomes, out)
+    return 0 if all(outcome.is_whole for _, outcome in outcomes) else 1
+
+
+def solved_jobs(
+    jobs: Sequence[BatchJob], backend: Backend, retry_failed: bool = False, task: TaskName = "explain"
+) -> Iterator[tuple[BatchJob, BatchOutcome]]:
+    """Runs one job after the other, on this machine by the same workers, with their progress on the terminal.
+
+    Raises:
+        VerefineError: a session or a folder cannot be used, or the cluster does not answer.
+    """
     n_frames, first = check_jobs(jobs), jobs[0]
     with ExitStack() as stack:
         pool = None
@@ -60,23 +76,12 @@ def run_jobs(
             pool = Pool(work, backend.n_workers, backend.limit_bytes)
             stack.enter_context(closing(pool))
         progress = stack.enter_context(BatchProgress(Terminal(stderr=True), n_frames).shown())
-        return _run_all(jobs, out, backend, retry_failed, task, pool, progress)
+        for k, job in enumerate(jobs):
+            title = f"run {k + 1} of {len(jobs)}: {job.folder.name}"
+            yield job, _run(job, title, backend, retry_failed, task, pool, progress)
 
 
-def _run_all(
-    jobs: Sequence[BatchJob],
-    out: Path,
-    backend: Backend,
-    retry_failed: bool,
-    task: TaskName,
-    pool: Pool[str, RunRecord] | None,
-    progress: BatchProgress,
-) -> int:
-    outcomes: list[tuple[BatchJob, BatchOutcome]] = []
-    for k, job in enumerate(jobs):
-        title = f"run {k + 1} of {len(jobs)}: {job.folder.name}"
-        outcomes.append((job, _run(job, title, backend, retry_failed, task, pool, progress)))
-        _print_line(outcomes[-1][1])
+def _print_all(outcomes: Sequence[tuple[BatchJob, BatchOutcome]], out: Path) -> None:
     console = Terminal(highlight=False, soft_wrap=True)
     console.print(sweep_table(outcomes))
     notes = Notes()
@@ -91,7 +96,6 @@ def _run_all(
     if n_unreadable:
         console.print(unreadable(n_unreadable))
     console.print(escape(f"Side by side: verefine-viz report {out}"))
-    return 0 if all(outcome.is_whole for _, outcome in outcomes) else 1
 
 
 def _run(

@@ -26,6 +26,9 @@ from verefine_viz.run.session_file import load_session
 if TYPE_CHECKING:
     from verefine_viz.batch.motion_table import MotionTrack
 
+FIX_FOLDER = "fix"
+"""Beside runs: batches of remedies that were tried on them."""
+
 
 @dataclass(frozen=True)
 class BatchIndex:
@@ -168,8 +171,8 @@ def _runs_below(folder: Path, levels: int) -> dict[Path, tuple[Path, ...]]:
     by_folder = {folder: runs} if runs else {}
     if levels:
         for path in folders:
-            # A link could lead back.
-            if path not in runs and not path.is_symlink():
+            # A link could lead back; remedies that were tried on these runs are none of them.
+            if path not in runs and not path.is_symlink() and not (runs and path.name == FIX_FOLDER):
                 by_folder |= _runs_below(path, levels - 1)
     return by_folder
 

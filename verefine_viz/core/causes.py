@@ -9,6 +9,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from verefine_viz.core.remedies import (
+    BY_ICP,
+    BY_NETWORK,
+    COLOUR,
+    CONVEX_PARTS,
+    FOUND_HYPOTHESES,
+    GIVEN_GRAVITY,
+    MILLIMETRES,
+    MORE_EXPANSIONS,
+    MORE_EXPLORATION,
+    MORE_HYPOTHESES,
+    MORE_ITERATIONS,
+    NO_PHYSICS,
+    PLAUSIBLE,
+    Remedy,
+)
+
 
 class Cause(StrEnum):
     """Why an answer is wrong or missing, in the order in which causes are tested: what was given, what was done.
@@ -51,6 +68,8 @@ class KnownCause:
     """How it shows."""
     advice: str
     """What to try."""
+    remedies: tuple[Remedy, ...] = ()
+    """Settings that may help; none where only the data can be mended."""
     numbers: Mapping[str, str] = field(default_factory=dict)
     """What the numbers of its findings mean, those of :data:`RERUN_NUMBERS` aside: names, and what they say."""
     picture: str
@@ -90,6 +109,7 @@ CAUSES: dict[Cause, KnownCause] = {
         what="the answer looks like the ground truth, but the model does not declare the symmetry between them",
         shown_by="without a re-run: the error is measured again with the symmetry",
         advice="declare the symmetry in models_info.json if shape is all that matters",
+        remedies=(COLOUR,),
         numbers={
             "turn_deg, error_with_symmetry": "the turn [°], and the error if it were declared",
         },
@@ -101,6 +121,7 @@ CAUSES: dict[Cause, KnownCause] = {
         what="translations of hypotheses are in metres or centimetres, where millimetres are expected",
         shown_by="by a re-run with this put right: these translations",
         advice="write the translations of the initial poses in millimetres (hypotheses.files)",
+        remedies=(MILLIMETRES,),
         numbers={
             "hypotheses": "how many there are",
             "hypotheses_in_another_unit, factor": "how many look so, and what their translations have to be multiplied "
@@ -148,6 +169,7 @@ CAUSES: dict[Cause, KnownCause] = {
         what="the wrong answer scores at least as high as the ground truth",
         shown_by="without a re-run: both poses are scored",
         advice="more iterations will not help where a wrong pose scores highest, so look at the score's maps first",
+        remedies=(COLOUR, PLAUSIBLE),
         numbers={
             "score": "of the answer",
             "explained_share, missed_share, protruding_share, hidden_share, unknown_share": "of the pixels that the "
@@ -163,6 +185,7 @@ CAUSES: dict[Cause, KnownCause] = {
         what="the plane or gravity of the simulation is wrong, or was not found",
         shown_by="by a re-run with this put right: the plane, from the ground truth",
         advice="look at the support plane, or give gravity (scene.gravity)",
+        remedies=(GIVEN_GRAVITY, NO_PHYSICS),
         numbers={
             "inlier_share": "of the background on the plane, where the page doubts it without a re-run",
             "plane_too_high_mm, plane_tilt_deg, gravity_off_deg": "against the ground truth; none of them where no "
@@ -176,6 +199,7 @@ CAUSES: dict[Cause, KnownCause] = {
         what="the solid that is simulated is far from the mesh",
         shown_by="by a re-run with this put right: convex parts in place of a hull",
         advice="try convex parts (physics.collider)",
+        remedies=(CONVEX_PARTS,),
         numbers={
             "deviation_mm": "of the solid from the mesh at worst",
         },
@@ -188,6 +212,7 @@ CAUSES: dict[Cause, KnownCause] = {
         shown_by="without a re-run: all poses of the run are compared",
         advice="a correct pose was there, so better initial poses are not what is missing; look where its score maps "
         "differ from those of the answer",
+        remedies=(MORE_ITERATIONS, COLOUR),
         numbers={
             "score": "of the answer",
             "unexplained_px": "pixels that the scene leaves unexplained with the answer: the cost of `physim_mcts`",
@@ -211,6 +236,7 @@ CAUSES: dict[Cause, KnownCause] = {
         "depth and mesh explain: right as far as the image shows",
         shown_by="without a re-run: the poses that the image allows beside ground truth are worked out",
         advice="no setting tells what depth does not show; take another view, or use what colour shows",
+        remedies=(COLOUR,),
         numbers={
             "score": "of the allowed pose next to the answer; without ground truth, of the answer",
             "score_of_other, score_noise, apart_mm": "of the other pose, the standard deviation of the difference, "
@@ -227,6 +253,7 @@ CAUSES: dict[Cause, KnownCause] = {
         what="simulating moved the object away from the ground truth",
         shown_by="by a re-run with this put right: no simulation",
         advice="look at what the simulation pushed, and try it without (physics.enabled)",
+        remedies=(NO_PHYSICS,),
         numbers={
             "hypothesis": "the one meant",
             "error_of_correct, score_of_correct, unexplained_px_of_correct": "of the correct pose",
@@ -247,6 +274,7 @@ CAUSES: dict[Cause, KnownCause] = {
         what="a hypothesis got few iterations or none, and comes right with all of them",
         shown_by="by a re-run with this put right: all iterations for that hypothesis",
         advice=f"{STARVED_ADVICE}more iterations (method.iterations) or more exploration (method.exploration)",
+        remedies=(MORE_EXPLORATION, MORE_ITERATIONS, MORE_EXPANSIONS),
         numbers={
             "hypothesis": "the one meant",
             "error_of_correct, score_of_correct, unexplained_px_of_correct": "of the correct pose",
@@ -263,6 +291,7 @@ CAUSES: dict[Cause, KnownCause] = {
         what="it was still getting better at the end",
         shown_by="by a re-run with this put right: 2, 4 or 8 times the iterations",
         advice="try more iterations (method.iterations)",
+        remedies=(MORE_ITERATIONS, MORE_EXPANSIONS),
         numbers={
             "falling, times": "what the last iteration took off the error; the multiple of the budget that was tried",
             "error_alone": "solved among the other objects by RIR",
@@ -280,6 +309,7 @@ CAUSES: dict[Cause, KnownCause] = {
         shown_by="by a re-run with this put right: the initial poses: the same ones, within half of that range",
         advice="the initial poses are further off than the refiner was trained for, so better ones are needed "
         "([hypotheses]), or weights trained on a wider range",
+        remedies=(FOUND_HYPOTHESES, BY_ICP),
         numbers={
             "hypotheses": "how many there are",
             "nearest, nearest_error, nearest_rotation_deg": "the hypothesis that started nearest to the ground truth, "
@@ -297,6 +327,7 @@ CAUSES: dict[Cause, KnownCause] = {
         "truth",
         shown_by="by a re-run with this put right: the refiner: ICP in its place; or ground truth as a start",
         advice="try another refiner, or other settings of it (method.refiner)",
+        remedies=(BY_ICP, BY_NETWORK),
         numbers={
             "hypothesis": "that of the answer",
             "calls": "refiner calls that were made",
@@ -318,6 +349,7 @@ CAUSES: dict[Cause, KnownCause] = {
         what="there are hypotheses, but none leads to the ground truth",
         shown_by="by a re-run with this put right: ground truth as a start",
         advice="no initial pose led to the ground truth, so more or better ones are needed ([hypotheses])",
+        remedies=(MORE_HYPOTHESES, FOUND_HYPOTHESES),
         numbers={
             "hypotheses": "how many there are",
             "score": "of the answer",
@@ -337,6 +369,7 @@ CAUSES: dict[Cause, KnownCause] = {
         shown_by="by three re-runs with nothing changed, five where one of them comes out right",
         advice="the same run comes out right for another scene.seed, so more hypotheses make it more certain "
         "([hypotheses], max_per_object)",
+        remedies=(MORE_HYPOTHESES,),
         picture="A steel bracket whose answer is off",
         command="view --scene.demo bracket --scene.seed 2 --method.name pir --method.iterations 3 --method.refiner icp "
         "--hypotheses.max-per-object 1 --hypotheses.rotation-deg 90 --hypotheses.translation-mm 15",
@@ -347,6 +380,7 @@ CAUSES: dict[Cause, KnownCause] = {
         shown_by="by a re-run with this put right: ground truth as a start",
         advice="without an initial pose nothing is refined, so name further results files or an estimator "
         "(hypotheses.files, hypotheses.estimate)",
+        remedies=(FOUND_HYPOTHESES,),
         numbers={
             "hypotheses": "how many there are",
             "error_from_ground_truth": "of the answer when it starts at the ground truth",
@@ -361,6 +395,7 @@ CAUSES: dict[Cause, KnownCause] = {
         "objects, or where the data of the frame are in doubt",
         shown_by="without a re-run: geometry alone; asked for where the method simulates",
         advice="they sink in, float or would tip, so look at the support plane and at what they touch",
+        remedies=(PLAUSIBLE,),
         numbers={
             "penetration_mm, gap_mm": "how deep it sinks in, and how far it is from the nearest surface [mm]",
         },

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from msgspec import Struct, field
 from msgspec.structs import force_setattr
 
+from verefine_viz.core.remedies import SettingValue
 from verefine_viz.core.setting_types import Index
 
 
@@ -25,7 +26,7 @@ class Finding(Struct, frozen=True, omit_defaults=True):
     """The re-run that came out right; empty where none was needed."""
     iteration: Index | None = None
     """Where to look; 0 = before the first. None: nowhere in particular."""
-    try_: Mapping[str, float] | None = None
+    try_: Mapping[str, SettingValue] | None = None
     """Settings that may help, such as ``method.exploration``."""
     short: str = ""
     """The text in a few words, for one line; empty where the title of the cause says it."""

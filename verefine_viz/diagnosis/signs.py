@@ -17,6 +17,7 @@ from verefine_viz.core.problem import Target
 from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.records import Best
 from verefine_viz.core.refiner_steps import TrainedRange, TrainedRefiner
+from verefine_viz.core.remedies import COLOUR, MORE_EXPLORATION
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import distinguishing_digits
@@ -192,7 +193,7 @@ def _symmetric(o: FinishedObject, session: Session) -> Finding | None:
     tells = turn.texture_tells and session.score.colour_weight == 0
     advice = CAUSES[Cause.SYMMETRIC].advice
     text = f"{finding.text} {advice[0].upper()}{advice[1:]}."
-    return structs.replace(finding, text=text, is_confirmed=False, try_={"score.colour_weight": 0.1} if tells else None)
+    return structs.replace(finding, text=text, is_confirmed=False, try_=COLOUR.changes(session) if tells else None)
 
 
 def _leak(o: FinishedObject) -> Finding | None:
@@ -270,7 +271,7 @@ def _starved(o: FinishedObject, session: Session, method: MethodInfo) -> Finding
         f"Hypothesis {j + 1} of the {o.label} started nearest to ground truth ({errors.add_s_mm:.0f} mm) but was tried "
         f"{o.n_tried[j]} of {n} times{': its exploration bonus never won' * method.has_ucb}.",
         {"hypothesis": j, "iterations_of_it": o.n_tried[j], "iterations": n},
-        try_={"method.exploration": max(2 * session.method.exploration, 0.05)} if method.has_ucb else None,
+        try_=MORE_EXPLORATION.changes(session) if method.has_ucb else None,
         detail=f": {o.n_tried[j]} of {n} iterations",
     )
 

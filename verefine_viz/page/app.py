@@ -164,6 +164,7 @@ class App:
         if self._watch is not None:
             self._watch.close()
         if self.worker.ready.is_set() and self.worker.failure is None:
+            self.debugger.end_fix()
             self.debugger.space.close()
         self._frame_pictures.stop()
         self._model_pictures.stop()

@@ -139,6 +139,15 @@ class Gallery:
         return files
 
     @cached_property
+    def folder(self) -> Path | None:
+        """What holds the run, or all of several; None where that is no folder of batches alone."""
+        folders = [index.folder for index in self.runs.values()]
+        if not all((folder / RUN_FILE).is_file() for folder in folders):
+            return None
+        parents = {folder.parent for folder in folders}
+        return folders[0] if len(folders) == 1 else parents.pop() if len(parents) == 1 else None
+
+    @cached_property
     def worst(self) -> GalleryEntry:
         """What is opened first; of frames that can be opened, if there are any."""
         ordered = self.sorted_by("error")

@@ -101,6 +101,66 @@ class AnswersMessage(Message, frozen=True):
     """Of a watched folder: frames of the open session now."""
 
 
+# Remedies that were tried
+
+
+class FixedAnswer(Part, frozen=True):
+    """An answer before and after a remedy."""
+
+    key: int | None
+    """In the gallery; null where it is not there."""
+    name: str
+    frame: str
+    was_bad: bool
+    change: Literal[-1, 0, 1]
+    """1: came right, or fits better; -1: broke, or fits worse."""
+    errors: tuple[float | None, float | None]
+    """ADD(-S) before and after [mm]."""
+    scores: tuple[float | None, float | None]
+    recording: str
+    """The run with the remedy; "" where it cannot be opened from here."""
+
+
+class FixLine(Part, frozen=True):
+    """What a remedy did for a cause, as a row of fix.csv (docs/tables.md)."""
+
+    remedy: str
+    cause: str
+    """Its title."""
+    fit: bool
+    """Whether answers are compared by how they fit: without ground truth."""
+    tried: int
+    came_right: int
+    worse: int
+    right_tried: int
+    broke: int
+    right_known: int
+    net: Interval
+    seconds: float | None
+    """Added to a frame."""
+    answers: Sequence[int]
+    """Those that were tried and those that were right: places in the table's list."""
+
+
+class FixShown(Part, frozen=True):
+    """The table of the remedies that were tried."""
+
+    rows: Sequence[FixLine]
+    answers: Sequence[FixedAnswer]
+
+
+class FixMessage(Message, frozen=True):
+    """Remedies that are tried, or were, on the runs of the gallery."""
+
+    running: bool
+    done: int
+    """Frames, of `total`."""
+    total: int
+    fault: str
+    """Why it ended early."""
+    table: FixShown | None
+
+
 # The report
 
 
@@ -332,3 +392,5 @@ class ReportMessage(Message, frozen=True):
     thresholds: Sequence[float]
     """Of recall curves [% of the diameter]."""
     sections: Sequence[ReportSection]
+    fix: FixShown | None = None
+    """Remedies that were tried on these runs."""

@@ -35,6 +35,11 @@ class LiveGallery(Gallery):
         return tuple(sorted(frames, key=parse_frame))
 
     @cached_property
+    def folder(self) -> None:
+        """None: its runs go on."""
+        return None
+
+    @cached_property
     def first_filter(self) -> dict[str, str]:
         """Nothing: all answers are shown until the user chooses."""
         return {}

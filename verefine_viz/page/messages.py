@@ -9,7 +9,7 @@ from msgspec import UNSET, UnsetType
 
 from verefine_viz.page.answers_to_wants import AnswerMessage
 from verefine_viz.page.frame_messages import BranchesMessage, BreakpointsMessage, DoubtShown, FrameMessage
-from verefine_viz.page.gallery_messages import AnswersMessage, ReportMessage
+from verefine_viz.page.gallery_messages import AnswersMessage, FixMessage, ReportMessage
 from verefine_viz.page.label_messages import LabelsMessage
 from verefine_viz.page.palette_message import Palette
 from verefine_viz.page.protocol import AnyVerb
@@ -154,5 +154,5 @@ AnyMessage = (
     HelloMessage | FileMessage | FrameMessage | BranchesMessage | RunMessage | VerdictMessage | ReadyMessage
     | DoubtsMessage | BusyMessage | RunningMessage | NoteMessage | ErrorMessage | WrittenMessage | EditedMessage
     | PickedMessage | Scene3DMessage | ViewMessage | BreakpointsMessage | AnswerMessage | AnswersMessage | ReportMessage
-    | LabelsMessage
+    | LabelsMessage | FixMessage
 )  # fmt: skip

@@ -38,6 +38,8 @@ def _open(d: PageState, verb: Open, window: int | None) -> None:
     if verb.answer is not None:
         entry = open_gallery(d.gallery).answer(verb.answer)
         _open_answer(d, entry)
+        if verb.beside:
+            d.put_beside(d.space.work.first, d.space.recorded(expand_home(verb.beside)))
         d.show(entry.iteration, entry.row.instance_id, window)
         return
     if verb.link:
@@ -113,7 +115,9 @@ def _open_batch(d: PageState, gallery: Gallery, window: int | None) -> None:
     except VerefineError:
         d.gallery = before
         raise
+    d.end_fix()
     d.post(answers_message(gallery), None)
+    d.send_fix(d.known_fix())
     d.show(gallery.worst.iteration, gallery.worst.row.instance_id, window)
 
 

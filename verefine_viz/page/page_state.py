@@ -9,6 +9,9 @@ from pathlib import Path
 from time import monotonic, perf_counter
 from typing import Any
 
+from verefine_viz.batch.fix_command import FixRequest
+from verefine_viz.batch.fix_thread import FixState, FixThread
+from verefine_viz.batch.remedy_table import fix_folder, read_fix
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -40,6 +43,7 @@ from verefine_viz.page.views.frame import frame_message
 from verefine_viz.page.views.gallery_answers import answers_message
 from verefine_viz.page.views.label_list import labels_message
 from verefine_viz.page.views.rows import run_message
+from verefine_viz.page.views.tried_remedies import fix_message
 from verefine_viz.page.views.verdict import finished_objects, verdict_message
 from verefine_viz.page.worker import Post
 from verefine_viz.page.workspace import Workspace
@@ -127,6 +131,8 @@ class PageState:
         self._later: Iterator[None] | None = self._warm_up()
         self._checked: Branch | None = None
         """The first branch once windows have the doubts about its data, which the frame is shown before."""
+        self.fix: FixThread | None = None
+        """What tries remedies, or did, on the runs of the gallery."""
         self.repeat_recorded()
 
     # Computing
@@ -223,6 +229,40 @@ class PageState:
             frames = space.frames = gallery.frames(self.space.batch_run)
         self.post(answers_message(gallery, frames), None)
 
+    def put_beside(self, a: Branch, b: Branch) -> None:
+        """Show two branches side by side."""
+        self.space.work.compare = (a.index, b.index)
+        self.send_branches()
+        self.send_rows(b)
+
+    # Remedies
+
+    def known_fix(self) -> FixState:
+        """Return how far remedies are tried on the runs of the gallery, or what came of it earlier."""
+        if self.fix is not None:
+            return self.fix.latest
+        folder = None if self.gallery is None else self.gallery.folder
+        with suppress(InputError):  # A damaged table is made again.
+            return FixState(table=None if folder is None else read_fix(folder))
+        return FixState()
+
+    def begin_fix(self, request: FixRequest, n_workers: int) -> None:
+        """Begin to try remedies beside what is open."""
+        self.fix = FixThread(request, n_workers, self.send_fix)
+        self.send_fix(self.fix.latest)
+        self.fix.start()
+
+    def end_fix(self) -> None:
+        """End what tries remedies; what is solved stays."""
+        if self.fix is not None:
+            self.fix.stop()
+        self.fix = None
+
+    def send_fix(self, state: FixState, window: int | None = None) -> None:
+        """Send how far remedies are tried. Callable from any thread."""
+        if self.gallery is not None and self.gallery.folder is not None:
+            self.post(fix_message(self.gallery, state, fix_folder(self.gallery.folder)), window)
+
     def step(self, branch: Branch) -> None:
         """Compute one iteration at the end of a branch."""
         if branch.run.is_done:
@@ -260,6 +300,7 @@ class PageState:
                 self._judge(branch)
         if self.gallery is not None:
             self.post(answers_message(self.gallery), window)
+            self.send_fix(self.known_fix(), window)
         self.send_labels(window)
         self.announce_running(window)
         self.post(Scene3DMessage(self.look_window), window)

@@ -204,6 +204,8 @@ class Open(Verb):
     """Folder of a batch, or of several."""
     link: Text = ""
     answer: Index | None = None
+    beside: Text = ""
+    """Of an answer: a recorded run of its frame, to be put beside it as B."""
     label: bool = False
     """The frames of the open session, to be labelled."""
     hulls: bool = False
@@ -457,6 +459,18 @@ class Tag(Verb):
     on: bool = True
 
 
+class Fix(Verb):
+    """Try the remedies of causes on the answers of the gallery, end that, or write the session with some of them."""
+
+    every: bool = False
+    """Whether each is tried on all wrong answers; else on those of its causes."""
+    take: Annotated[tuple[Text, ...], Meta(max_length=100)] = ()
+    """Remedies, which are tried together as well; or which are written."""
+    write: Text = ""
+    """The session file that is written; "" = none."""
+    stop: bool = False
+
+
 class Place(Verb):
     """Put an object of a frame to be labelled where its photo was clicked: upright, at the depth there."""
 
@@ -515,7 +529,7 @@ class Export(Verb):
 
 AnyVerb = (
     Look | Step | Seek | RunVerb | Pause | Cancel | Restart | Fork | Refine | Open | Estimate | BranchVerb | Compare
-    | Break | Order | Evaluate | Want | Save | Tag | Place | Find | Snap | Decide | UndoLabel | Carry | Export
+    | Break | Order | Evaluate | Want | Save | Tag | Fix | Place | Find | Snap | Decide | UndoLabel | Carry | Export
 )  # fmt: skip
 
 _DECODER = msgspec.json.Decoder(AnyVerb)

@@ -7,6 +7,7 @@ from typing import Literal
 
 from verefine_viz.core.palette import RGB
 from verefine_viz.core.records import EventKind, StageName
+from verefine_viz.core.remedies import SettingValue
 from verefine_viz.page.frame_messages import DoubtShown, InitialPose
 from verefine_viz.page.protocol import MomentDrawn
 from verefine_viz.page.wire import Message, Part, Pose
@@ -192,7 +193,7 @@ class FindingShown(Part, frozen=True):
     k: int | None
     """The iteration to look at; 0 = before the first."""
     advice: str
-    try_: Mapping[str, float] | None
+    try_: Mapping[str, SettingValue] | None
     """Settings that may help, by dotted name."""
     by_batch: bool
     """Whether it is the batch's, which made re-runs."""

@@ -13,6 +13,7 @@ from verefine_viz.core.writing import expand_home
 from verefine_viz.page import protocol as p
 from verefine_viz.page.answers_to_wants import AnswerMessage
 from verefine_viz.page.branch import Branch
+from verefine_viz.page.fix_verbs import fix
 from verefine_viz.page.frame_messages import BreakpointsMessage
 from verefine_viz.page.frame_objects import labels_of, state_of
 from verefine_viz.page.gallery import open_gallery
@@ -30,7 +31,7 @@ from verefine_viz.scenes.hypothesis_pool import asked_estimators
 SOURCES = {"results": "the results files", "perturb": "the disturbed ground truth"}
 """What the page calls where initial poses come from; estimators have their names."""
 _NOT_LOGGED = (
-    p.Look, p.Want, p.RunVerb, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag,
+    p.Look, p.Want, p.RunVerb, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag, p.Fix,
     p.Place, p.Find, p.Snap, p.Decide, p.UndoLabel, p.Carry, p.Export,
 )  # fmt: skip
 """Verbs that change no record; how far a run came is logged where it stops."""
@@ -207,9 +208,7 @@ def _compare(d: PageState, verb: p.Compare, window: int | None) -> None:
         b = space.branch(verb.b)
     else:
         raise InputError("compare with what? Name a branch, a recording, or settings to change")
-    space.work.compare = (a.index, b.index)
-    d.send_branches()
-    d.send_rows(b)
+    d.put_beside(a, b)
     if verb.run and not b.run.is_done:
         d.compute(Goal(b))
 
@@ -283,5 +282,6 @@ HANDLERS: dict[type, Callable[[PageState, Any, int | None], None]] = {
     p.Evaluate: _evaluate,
     p.Save: _save,
     p.Tag: _tag,
+    p.Fix: fix,
     **LABEL_HANDLERS,
 }

@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from verefine_viz.batch.index import batch_of, find_runs
 from verefine_viz.batch.progress import counted_bar
+from verefine_viz.batch.remedy_table import FixTable, read_fix
 from verefine_viz.batch.runs import Runs
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import InputError, VerefineError
@@ -22,6 +23,7 @@ from verefine_viz.page.gallery import Gallery, GalleryEntry
 from verefine_viz.page.messages import FileMessage
 from verefine_viz.page.sent_palette import hello
 from verefine_viz.page.views.gallery_answers import answers_message
+from verefine_viz.page.views.tried_remedies import fix_shown, keys_of
 from verefine_viz.report.groups import read_runs, sections_of
 from verefine_viz.report.pair_difference import wrong_in
 from verefine_viz.report.report_message import RecallsOf, StepProgress, report_message
@@ -80,7 +82,8 @@ def print_report(
     selections = [find_runs(named) for named in (folder, other) if named is not None]
     runs = [run for selection in selections for run in selection.runs]
     with counted_bar("reading") as progress:
-        written = write_report(runs, path, tools, len(runs) == len(selections), embed, beside, pictures, progress)
+        fix = read_fix(folder) if other is None else None
+        written = write_report(runs, path, tools, len(runs) == len(selections), embed, beside, pictures, progress, fix)
     console = Terminal(highlight=False, soft_wrap=True)
     for line in (*written.headlines, *(s.note for s in selections if s.note), *written.notes):
         console.print(escape(line))
@@ -96,6 +99,7 @@ def write_report(
     beside: int = 0,
     pictures: int = MOST_PICTURES,
     progress: StepProgress = lambda what, done, of: None,
+    fix: FixTable | None = None,
 ) -> Written:
     """Write the report of some runs.
 
@@ -108,6 +112,7 @@ def write_report(
         beside: so many more have a file of their own, in a folder beside it.
         pictures: answers that have a picture, the worst first.
         progress: what is being done.
+        fix: remedies that were tried on them.
 
     Raises:
         VerefineError: a folder is no run, or the file cannot be written.
@@ -117,6 +122,8 @@ def write_report(
     sections = sections_of(runs, as_named and len(runs) == 2)
     gallery = Gallery(runs)
     message = report_message(sections, gallery, left_out, tools.recalls_of, progress)
+    if fix is not None:
+        message = replace(message, fix=fix_shown(fix, keys_of(gallery), None))
     answers, notes = answers_message(gallery), list(message.notes)
     worst_first = answers.orders[0].keys
     painter = tools.painter_of(gallery)

@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
+from verefine_viz.batch.remedy_trials import is_read
 from verefine_viz.core.accuracy import CORRECT
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.causes import Cause, advice_on, cause_title
+from verefine_viz.core.causes import CAUSES, Cause, advice_on, cause_title
 from verefine_viz.core.finding import Finding
 from verefine_viz.core.moment import Moment
 from verefine_viz.core.problem import ANSWER, Placed, Target
 from verefine_viz.core.records import Best
 from verefine_viz.core.refiner_steps import TrainedRefiner
+from verefine_viz.core.remedies import SettingValue
 from verefine_viz.core.text_format import listed
 from verefine_viz.diagnosis.impossible import impossible
 from verefine_viz.diagnosis.lost_poses import lost
@@ -42,6 +44,7 @@ from verefine_viz.page.views.film_moments import moments_of, shown_moment
 from verefine_viz.page.views.physics_doubts import doubts_of
 from verefine_viz.page.wire import Pose, pose_numbers
 from verefine_viz.run.record import Answer
+from verefine_viz.run.session_file import DURING_A_RUN
 
 if TYPE_CHECKING:
     from verefine_viz.page.branch import Branch
@@ -313,12 +316,23 @@ def _finding(finding: Finding, by_batch: bool, branch: Branch) -> FindingShown:
         text=finding.text,
         k=k if k is not None and k <= branch.run.length else None,
         advice=advice_on(finding.cause),
-        try_=finding.try_ or None,
+        try_=finding.try_ or (_remedy(finding, branch) if by_batch else None),
         by_batch=by_batch,
         numbers={name: number for name, number in finding.numbers.items() if math.isfinite(number)},
         tab="errors" if finding.cause in ERROR_CAUSES else "",
         tab_there="physics" if finding.cause == Cause.SIMULATION else "errors" if finding.cause in ERROR_CAUSES else "",
     )
+
+
+def _remedy(finding: Finding, branch: Branch) -> dict[str, SettingValue] | None:
+    """Return the first remedy of a cause that a branch can have; None where there is none."""
+    known = CAUSES[Cause(finding.cause)].remedies if finding.cause in CAUSES else ()
+    for remedy in (one.for_finding(finding.numbers) for one in known):
+        if remedy.setting.partition(".")[0] in DURING_A_RUN and is_read(remedy, branch.settings):
+            changes = remedy.changes(branch.settings)
+            if changes:
+                return changes
+    return None
 
 
 def _scene(objects: Sequence[JudgedObject], truths: Collection[int], in_doubt: bool) -> JudgedScene:

@@ -104,8 +104,8 @@ export function neighbour(s, by) {
 }
 
 /** @param {GalleryRow | null | undefined} row */
-export function openAnswer(row) {
-  if (!row?.opens || !send({ verb: "open", answer: row.key })) return;
+export function openAnswer(row, beside = "") {
+  if (!row?.opens || !send({ verb: "open", answer: row.key, beside })) return;
   choose({ at: row.key, leaving: { frame: state.frame?.id } });
 }
 

@@ -7,6 +7,7 @@ import { besideError, choose, chosenOf, errorWords, failures, neighbour, openAns
 import { Button, Icon, IconButton, Select, number } from "./ui.js";
 import { addKeys } from "./keys.js";
 import { toast } from "./toasts.js";
+import { Remedies, RemediesButton } from "./remedies.js";
 import { Plot } from "./gallery_plot.js";
 import { FrameCards, hasStrip } from "./frame_strip.js";
 import { hasSequence, Sequence, Switch } from "./sequence.js";
@@ -46,7 +47,7 @@ export function Gallery() {
   if (!answers && isFrames) return html`<${FrameCards} />`;
   if (!answers) return html`<${NoBatch} />`;
   if (isSequence) return html`<${SequenceBar} /><${Sequence} />`;
-  return html`<${Bar} /><div class="gallery-body"><${Cards} /><${Facets} /></div>`;
+  return html`<${Bar} /><${Remedies} /><div class="gallery-body"><${Cards} /><${Facets} /></div>`;
 }
 
 // What stands there before a batch is open: where to open one, and how to run one of what is open.
@@ -81,6 +82,7 @@ function Bar() {
     <h2 title=${answers.outcome}>${answers.outcome}</h2>
     ${notes.length > 0 && html`<span class="doubt" title=${notes.join("\n")}><${Icon} name="warn" />${notes.length === 1 ? notes[0] : `${notes.length} notes`}</span>`}
     <span class="spring" />
+    <${RemediesButton} />
     ${selected.size > 0 && html`<span class="group"><b>${selected.size} selected</b><${Button} title="Clear the selection (Esc)" onClick=${() => choose({ selected: new Set() })}>Clear<//></span>`}
     ${gallery.tagging ? html`<${TagField} />` : html`<${Button} disabled=${!targets().length} title="Tag the selected cards, or the current one (T)" onClick=${() => choose({ tagging: true })}>Tag<//>`}
     <label class="search"><${Icon} name="search" /><input placeholder="search" spellcheck=${false} value=${search} title="Words in name, frame, method, cause, evidence or tags (/)"

@@ -25,7 +25,8 @@ export type AnyMessage =
   | AnswerMessage
   | AnswersMessage
   | ReportMessage
-  | LabelsMessage;
+  | LabelsMessage
+  | FixMessage;
 
 /** The first after a connection; a page that meets another version reloads itself. */
 export interface HelloMessage {
@@ -593,7 +594,7 @@ export interface FindingShown {
   k: number | null;
   advice: string;
   /** Settings that may help, by dotted name. */
-  try: Record<string, number> | null;
+  try: Record<string, boolean | number | string> | null;
   /** Whether it is the batch's, which made re-runs. */
   by_batch: boolean;
   /** The evidence, as of its cause (docs/causes.md); errors are ADD(-S) as a share of the diameter. */
@@ -857,6 +858,8 @@ export interface Open {
   batch?: string;
   link?: string;
   answer?: number | null;
+  /** Of an answer: a recorded run of its frame, to be put beside it as B. */
+  beside?: string;
   /** The frames of the open session, to be labelled. */
   label?: boolean;
   /** Whether physics takes every model for its convex hull, so that nothing has to be decomposed. */
@@ -1078,6 +1081,18 @@ export interface Tag {
   answers: number[];
   tag: string;
   on?: boolean;
+}
+
+/** Try the remedies of causes on the answers of the gallery, end that, or write the session with some of them. */
+export interface Fix {
+  verb: "fix";
+  /** Whether each is tried on all wrong answers; else on those of its causes. */
+  every?: boolean;
+  /** Remedies, which are tried together as well; or which are written. */
+  take?: string[];
+  /** The session file that is written; "" = none. */
+  write?: string;
+  stop?: boolean;
 }
 
 /** Put an object of a frame to be labelled where its photo was clicked: upright, at the depth there. */
@@ -1789,6 +1804,8 @@ export interface ReportMessage {
   /** Of recall curves [% of the diameter]. */
   thresholds: number[];
   sections: ReportSection[];
+  /** Remedies that were tried on these runs. */
+  fix: FixShown | null;
 }
 
 /** A number of a group. */
@@ -1981,6 +1998,48 @@ export interface ReportTrack {
 /** How an object moved on the way to a frame; `[frame, mm, deg, kind]`. */
 export type TrackMove = [frame: number, mm: number, deg: number, kind: string];
 
+/** The table of the remedies that were tried. */
+export interface FixShown {
+  rows: FixLine[];
+  answers: FixedAnswer[];
+}
+
+/** What a remedy did for a cause, as a row of fix.csv (docs/tables.md). */
+export interface FixLine {
+  remedy: string;
+  /** Its title. */
+  cause: string;
+  /** Whether answers are compared by how they fit: without ground truth. */
+  fit: boolean;
+  tried: number;
+  came_right: number;
+  worse: number;
+  right_tried: number;
+  broke: number;
+  right_known: number;
+  net: [number | null, number | null, number | null];
+  /** Added to a frame. */
+  seconds: number | null;
+  /** Those that were tried and those that were right: places in the table's list. */
+  answers: number[];
+}
+
+/** An answer before and after a remedy. */
+export interface FixedAnswer {
+  /** In the gallery; null where it is not there. */
+  key: number | null;
+  name: string;
+  frame: string;
+  was_bad: boolean;
+  /** 1: came right, or fits better; -1: broke, or fits worse. */
+  change: -1 | 0 | 1;
+  /** ADD(-S) before and after [mm]. */
+  errors: [number | null, number | null];
+  scores: [number | null, number | null];
+  /** The run with the remedy; "" where it cannot be opened from here. */
+  recording: string;
+}
+
 /** The labels of the open frame, and how far the folder is. */
 export interface LabelsMessage {
   t: "labels";
@@ -2043,6 +2102,18 @@ export interface FrameLabels {
   light: "amber" | "green" | "red";
 }
 
+/** Remedies that are tried, or were, on the runs of the gallery. */
+export interface FixMessage {
+  t: "fix";
+  running: boolean;
+  /** Frames, of `total`. */
+  done: number;
+  total: number;
+  /** Why it ended early. */
+  fault: string;
+  table: FixShown | null;
+}
+
 export type AnyAnswer =
   | MapsAnswer
   | OutlinesAnswer
@@ -2082,6 +2153,7 @@ export type AnyVerb =
   | Want
   | Save
   | Tag
+  | Fix
   | Place
   | Find
   | Snap

@@ -94,6 +94,7 @@ on("answers", (message) => {
   const grown = message.frames && state.frame ? { frame: { ...state.frame, frames: message.frames } } : {};
   update({ answers: message, ...grown });
 });
+on("fix", (message) => update({ fix: message }));
 // at: the iteration that a link names, which may be yet to come; null = it names none, so the end is shown.
 on("view", ({ patch, at }) => {
   const { k, ...rest } = patch;

@@ -6,6 +6,7 @@ import { Button, columnsOf, Icon, IconButton, Swatch, Table, number } from "./ui
 import { choose, openAnswer } from "./answers.js";
 import { Gallery } from "./gallery.js";
 import { Plot, plotTitle } from "./gallery_plot.js";
+import { RemedyTable } from "./remedies.js";
 import { addKeys, titled } from "./keys.js";
 import { applyTheme, presets, setPreset, switchTheme } from "./layout.js";
 import { Bars, Dot, Drawing, Forest, Key, limit, Recall, Sorted, axis, colorOf, interval, log, pathOf,
@@ -67,6 +68,8 @@ export function Report() {
     </header>
     ${doubts.map((words) => html`<p class="warning"><${Icon} name="warn" />${words}</p>`)}
     ${several && html`<${Overview} report=${report} />`}
+    ${report.fix && html`<${Block} title="Remedies that were tried" hint="on answers of their causes, and on answers that are right">
+      <div class="scroll"><${RemedyTable} shown=${report.fix} /></div><//>`}
     ${sections.map((section, i) => html`
       <${Section} key=${i} id=${`data-${i}`} section=${section} report=${report} isNamed=${several} />`)}
     <section class="pane gallery" style=${{ height }}><${Gallery} /></section>

@@ -4,7 +4,7 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
 /**
  * @import {
  *   AnswersMessage, AnyAnswer, AnyMessage, AnyVerb, AnyWant, BranchListed, BusyMessage, ComparedBranches,
- *   FileMessage, FrameMessage, GoneAnswer, Grasp, IterationRow, LabelsMessage, Mark, OfferedVerb, Pose, ReportMessage,
+ *   FileMessage, FixMessage, FrameMessage, GoneAnswer, Grasp, IterationRow, LabelsMessage, Mark, OfferedVerb, Pose, ReportMessage,
  *   RunMessage, RunningMessage, VerdictMessage, WrittenMessage
  * } from "./messages.d.ts"
  */
@@ -149,6 +149,9 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @property {Map<number, VerdictMessage>} verdicts  by branch
  * @property {AnswersMessage | null} answers  of a batch
  * @property {ReportMessage | null} report
+ * @property {FixMessage | null} fix  remedies that are tried on the answers
+ * @property {{ shown: boolean, row: number | null, chosen: string[], file: string }} remedies  whether their table is
+ *   shown, whose answers are listed, which are to be written, where to
  * @property {LabelsMessage | null} labels  of a folder that is labelled
  * @property {import("./labelling.js").Sketch | null} sketch  what is being drawn in the photo to place a model
  * @property {boolean} placing  whether a model was placed and the label is yet to come
@@ -193,6 +196,8 @@ export const state = {
   verdicts: new Map(),
   answers: null,
   report: null,
+  fix: null,
+  remedies: { shown: false, row: null, chosen: [], file: "mended.toml" },
   labels: null,
   sketch: null,
   placing: false,

@@ -1,0 +1,164 @@
+"""What ``verefine-viz fix`` does: remedies tried as batches, their table, and the session with those chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.markup import escape
+from rich.table import Table
+
+from verefine_viz.batch.batch_command import solved_jobs
+from verefine_viz.batch.index import BatchIndex, find_runs, has_finished_frame, read_batch
+from verefine_viz.batch.remedy_table import (
+    CSV_FILE,
+    EVERY_CAUSE,
+    FixRow,
+    FixTable,
+    best_row,
+    fix_folder,
+    fix_table,
+    write_fix,
+)
+from verefine_viz.batch.remedy_trials import TOGETHER, Trial, check_trials, jobs_of, remedied, trials_of
+from verefine_viz.batch.run_batch import Backend
+from verefine_viz.batch.runs import RUN_FILE
+from verefine_viz.batch.terminal import Terminal
+from verefine_viz.core.causes import cause_title
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.run.session_file import save_session
+
+LOG_WIDTH = 140
+"""Where there is no terminal [characters]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FixRequest:
+    """What is tried on which runs."""
+
+    folder: Path
+    """Of a batch, or of several."""
+    out: Path | None = None
+    """None: see :func:`fix_folder`."""
+    seed: int = 0
+    every: bool = False
+    together: tuple[str, ...] = ()
+
+    @property
+    def target(self) -> Path:
+        return self.out or fix_folder(self.folder)
+
+    def runs(self) -> dict[str, BatchIndex]:
+        """The runs by the names of their folders.
+
+        Raises:
+            InputError: there is none, or one is no batch.
+        """
+        folders = find_runs(self.folder).runs
+        finished = [path for path in folders if has_finished_frame(path)]
+        runs = {path.name: read_batch(path) for path in finished or folders}
+        for index in runs.values():
+            if not (index.folder / RUN_FILE).is_file():
+                raise InputError(f"{index.folder} holds run files and no batch; make one with verefine-viz batch")
+        return runs
+
+    def trials(self, runs: Mapping[str, BatchIndex]) -> tuple[Trial, ...]:
+        """What is tried; nothing where no remedy is known.
+
+        Raises:
+            SettingsError: a remedy is unknown, or two exclude each other.
+        """
+        return trials_of(runs, self.target, self.seed, self.every, self.together)
+
+    def table(self, trials: Sequence[Trial], runs: Mapping[str, BatchIndex]) -> FixTable:
+        """What the trials came to so far."""
+        return fix_table(trials, runs, self.seed, self.every, self.together)
+
+
+def run_fix(request: FixRequest, backend: Backend, write: Path | None) -> int:
+    """Tries remedies, prints their table, and writes the session with those that were chosen, else with the best one.
+
+    Returns:
+        The exit code: 0, or 1 where a frame failed.
+
+    Raises:
+        VerefineError: there is nothing to try, a folder cannot be used, or nothing gains anything.
+    """
+    runs = request.runs()
+    trials = request.trials(runs)
+    check_trials(trials, runs)
+    outcomes = [outcome for _, outcome in solved_jobs([*jobs_of(trials)], backend, task="solve")]
+    table = request.table(trials, runs)
+    write_fix(table, request.target)
+    console = Terminal(highlight=False, soft_wrap=True)
+    console.width = console.width if console.is_terminal else LOG_WIDTH
+    console.print(printed(table))
+    console.print(escape(f"Table in {request.target / CSV_FILE}"))
+    if write is not None:
+        chosen = request.together or (best_row(table).remedy,)
+        for path in write_sessions(chosen, trials, runs, write):
+            console.print(escape(f"{TOGETHER.join(chosen)}: session in {path}"))
+    return 0 if all(outcome.is_whole for outcome in outcomes) else 1
+
+
+def printed(table: FixTable) -> Table:
+    """The table for a terminal."""
+    has_fit = any(row.judged_by == "fit" for row in table.rows)
+    shown = Table(box=None, pad_edge=False, header_style="bold")
+    shown.add_column("remedy")
+    shown.add_column("cause")
+    for head in ("came right", *(["fit better", "worse"] if has_fit else []), "broke", "net gain", "s/frame"):
+        shown.add_column(head, justify="right", no_wrap=True)
+    for row in table.rows:
+        gained, fit = f"{row.came_right} of {row.tried}", row.judged_by == "fit"
+        numbers = [["", gained, str(row.worse)] if fit else [gained, "", ""], [gained]][not has_fit]
+        shown.add_row(escape(row.remedy), cause_words(row), *numbers, *_lost(row))
+    return shown
+
+
+def _lost(row: FixRow) -> tuple[str, str, str]:
+    seconds = "–" if row.seconds_added is None else f"{row.seconds_added:+.1f}"
+    net = f"{row.net_gain:+.1f} ({row.net_low:+.1f} to {row.net_high:+.1f})"
+    return f"{row.broke} of {row.right_tried}", net, seconds
+
+
+def cause_words(row: FixRow) -> str:
+    """The cause of a row as tables show it."""
+    if row.cause == EVERY_CAUSE:
+        return "every cause"
+    return cause_title(row.cause) if row.cause else "unknown"
+
+
+def write_sessions(
+    chosen: Sequence[str], trials: Sequence[Trial], runs: Mapping[str, BatchIndex], path: Path
+) -> list[Path]:
+    """Writes the session of each run with remedies that were tried: ``path``, of several runs ``STEM-RUN.toml``.
+
+    Raises:
+        VerefineError: they were not tried, or a file cannot be written.
+    """
+    trial = trial_of(chosen, trials)
+    mended = {name: remedied(index.session, trial.remedies) for name, index in runs.items()}
+    written = list[Path]()
+    for name, session in mended.items():
+        if session is not None:
+            file = path if len(runs) == 1 else path.with_name(f"{path.stem}-{name}{path.suffix or '.toml'}")
+            save_session(session, file)
+            written.append(file)
+    return written
+
+
+def trial_of(chosen: Sequence[str], trials: Sequence[Trial]) -> Trial:
+    """The trial of some remedies, named as a row has them or by their settings alone.
+
+    Raises:
+        InputError: they were not tried, or not together.
+    """
+    names = TOGETHER.join(chosen).split(TOGETHER)
+    for trial in trials:
+        if len(trial.remedies) == len(names) and all(
+            name in (one.name, one.setting) for name, one in zip(names, trial.remedies, strict=True)
+        ):
+            return trial
+    raise InputError(unknown("remedy", TOGETHER.join(names), tuple(trial.name for trial in trials)))
