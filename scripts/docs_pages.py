@@ -40,7 +40,7 @@ body:has(.live) .col-md-3 { display: none; }
 body:has(.live) .col-md-9 { flex: 0 0 100%; max-width: 100%; }
 .causes { display: grid; grid-template-columns: repeat(auto-fill, minmax(180px, 1fr)); gap: 12px; margin: 1em 0 2em; }
 .causes p { margin: 0; line-height: 1.25; }
-.causes img { width: 100%; aspect-ratio: 4 / 3; object-fit: cover; display: block; }
+.causes img { width: 100%; margin: 0; padding: 0; aspect-ratio: 4 / 3; object-fit: cover; display: block; }
 """
 TOP = ("README.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md")
 LIVE = {
