@@ -1,5 +1,5 @@
-# make app | make test | make test-fast | make test-data | make test-lowest | make lint | make bench | make docs: each sets
-# up what it needs; second calls start in seconds.
+# make app | make test | make test-fast | make test-data | make test-lowest | make lint | make bench | make docs | make wheel: each
+# sets up what it needs; second calls start in seconds.
 # Variables: SESSION=sessions/clutter.toml (what make app opens), PORT=8081 (where; 0 = any free one),
 # PYTHON=/path/to/python3.11, VENV=.venv, LOWEST=.venv-lowest, WORKERS=2
 
@@ -17,7 +17,7 @@ WEB_TOOLS = tests/web/node_modules
 PARALLEL = -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 SETUP = pyproject.toml scripts/install scripts/find-python
 
-.PHONY: help closure tables messages measured tour scores docs app test test-fast test-web test-data durations resolve-lowest test-lowest lint lint-web bench clean system-app system-test
+.PHONY: help closure tables messages measured tour scores docs wheel app test test-fast test-web test-data durations resolve-lowest test-lowest lint lint-web bench clean system-app system-test
 .DEFAULT_GOAL := help
 
 help:
@@ -36,6 +36,7 @@ help:
 	@echo "make tour   take the pictures of README and docs/causes.md in a headless Chromium"
 	@echo "make scores  draw docs/scores.png: poses and their scores"
 	@echo "make docs   write documents, tutorials and the reference of the library as web pages: site/index.html"
+	@echo "make wheel  build what a package index gets into dist/, and check it"
 	@echo "make bench  measure this machine, print a table, write bench.json"
 	@echo "make clean  remove the virtual environment and caches"
 
@@ -100,6 +101,11 @@ scores: $(VENV)/.ready-dev
 docs: $(VENV)/.ready-docs
 	$(BIN)/python -m mkdocs build --strict
 
+wheel: $(VENV)/.ready-release
+	rm -rf dist
+	$(BIN)/python -m hatchling build -d dist
+	$(BIN)/python -m twine check --strict dist/*
+
 bench: $(VENV)/.ready-dev
 	$(BIN)/python -m bench
 
@@ -119,6 +125,10 @@ $(VENV)/.ready-docs: $(SETUP) | system-app
 	@sh scripts/install $(VENV) docs
 	@touch $(VENV)/.ready-app $@
 
+$(VENV)/.ready-release: $(SETUP) | system-app
+	@sh scripts/install $(VENV) release
+	@touch $(VENV)/.ready-app $@
+
 system-app:
 	@sh scripts/system-packages app
 
@@ -126,4 +136,4 @@ system-test:
 	@sh scripts/system-packages test
 
 clean:
-	rm -rf $(VENV) $(LOWEST) $(WEB_TOOLS) .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json site
+	rm -rf $(VENV) $(LOWEST) $(WEB_TOOLS) .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json site dist

@@ -2,7 +2,7 @@
 
     python -m bench.real_frames DATASET_FOLDER [--seeds 3]
 
-prints the tables that the README quotes. DATASET_FOLDER is a BOP data set with ``pose_estimates/*.csv``.
+prints the tables that docs/measured.md has. DATASET_FOLDER is a BOP data set with ``pose_estimates/*.csv``.
 """
 
 from __future__ import annotations

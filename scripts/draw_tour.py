@@ -1,4 +1,4 @@
-"""The pictures of README and docs/causes.md: the page itself, in a headless Chromium (make tour)."""
+"""The pictures of README, docs/guide.md and docs/causes.md: the page itself, in a headless Chromium (make tour)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from verefine_viz.page.openable import read_openable  # noqa: E402
 DOCS = ROOT / "docs"
 SIZE = {"width": 1280, "height": 760}
 WIDTH_PX = 960
-"""Of the pictures of README."""
+"""Of the pictures of README and docs/guide.md."""
 STILL_MS, LAST_MS = 1100, 4000
 IMAGE = ".pane.image .stage"
 PANES = {Cause.SIMULATION: ".pane.scene", Cause.PLANE: ".pane.scene", Cause.ARM_STARVED: ".timeline"}
@@ -115,7 +115,7 @@ def film(browser: Any) -> None:
 
 
 def tour(browser: Any) -> None:
-    """The three pictures of README."""
+    """The three pictures of docs/guide.md."""
     with shown(browser, SESSIONS / "failure_score_prefers_wrong.toml") as screen:
         screen.finish()
         save(picture(screen), DOCS / "tour" / "verdict.png")

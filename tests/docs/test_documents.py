@@ -23,7 +23,7 @@ from verefine_viz.run.session_file import resolve
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "verefine_viz"
 METHODS, PAPER = ROOT / "docs" / "methods.md", ROOT / "docs" / "paper.md"
-DOCUMENTS = [ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+DOCUMENTS = [ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SOURCES = [
     path
     for folder in ("verefine_viz", "tests", "bench")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib.util
 import re
 import subprocess
 import sys
@@ -64,14 +65,33 @@ def test_every_make_target_it_names_exists() -> None:
 
 
 def test_its_commands_are_commands() -> None:
-    lines = [
-        line.split("verefine-viz ")[1] for block in blocks("sh") for line in block.splitlines() if "verefine" in line
-    ]
+    lines = re.findall(r"^verefine-viz ([^#\n]+)", "".join(blocks("sh")), re.MULTILINE)
     commands = [cli.parse(line.split()) for line in lines]
-    assert [type(command) for command in commands] == [BatchCommand, ViewCommand]
-    first = commands[0]
-    assert isinstance(first, BatchCommand)
-    assert load_session(ROOT / first.sessions[0]).scene.source == "demo"
+    assert [type(command) for command in commands[:3]] == [ViewCommand, BatchCommand, ViewCommand]
+    batch = commands[1]
+    assert isinstance(batch, BatchCommand)
+    assert load_session(ROOT / "sessions" / f"{batch.sessions[0]}.toml").scene.source == "demo"
+
+
+def test_its_system_packages_are_those_that_make_installs() -> None:
+    script = (ROOT / "scripts" / "system-packages").read_text()
+    needed = re.findall(r"^need (\S+)", script.partition("find-python")[0], re.MULTILINE)
+    assert re.findall(r"apt-get install (.+)", README) == [" ".join(needed)]
+
+
+def test_on_a_package_index_it_leads_to_the_repository() -> None:
+    spec = importlib.util.spec_from_file_location("readme_links", ROOT / "scripts" / "readme_links.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    shown = module.absolute(README, "https://example.org/o/r", "v1")
+    assert "](https://example.org/o/r/raw/v1/docs/tour/tour.gif)" in shown
+    links = [link for link in re.findall(r"\]\(([^)]+)\)", shown) if not link.startswith("https://")]
+    assert links == []
+    assert (
+        module.absolute("[![a](b.png)](c.md#d) [e](#f)", "R", "T") == "[![a](R/raw/T/b.png)](R/blob/T/c.md#d) [e](#f)"
+    )
 
 
 def test_its_session_file_is_a_session() -> None:

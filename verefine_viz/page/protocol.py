@@ -483,7 +483,7 @@ class Find(Verb):
 
     obj_id: Index
     box: tuple[Index, Index, Index, Index] | None = None
-    """[left, top, right, bottom] [px]."""
+    """Left, top, right, bottom [px]."""
     scribble: Annotated[tuple[Pixel, ...], Meta(max_length=10_000)] = ()
 
 

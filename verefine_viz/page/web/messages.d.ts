@@ -1106,7 +1106,7 @@ export interface Place {
 export interface Find {
   verb: "find";
   obj_id: number;
-  /** [left, top, right, bottom] [px]. */
+  /** Left, top, right, bottom [px]. */
   box?: [number, number, number, number] | null;
   scribble?: [number, number][];
 }
