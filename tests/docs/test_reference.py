@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
 ENTRIES = re.findall(r"^::: ([\w.]+)$", REFERENCE, re.MULTILINE)
 CALLS = sorted(name for name in _HOMES if inspect.isfunction(getattr(vv, name)))
-CLASSES = (vv.Frame, vv.OpenedFrame, vv.Run, vv.Trace)
+CLASSES = (vv.Frame, vv.OpenedFrame, vv.Run, vv.Batch, vv.Trace)
 
 
 def test_it_has_every_name_of_the_library_once() -> None:
