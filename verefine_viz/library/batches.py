@@ -241,8 +241,8 @@ def _shown(folder: Path, is_shown: bool) -> Iterator[Callable[[BatchStatus], Non
     if not is_shown:
         yield lambda _: None
         return
-    with BatchProgress(Terminal(stderr=True)).shown() as shown, shown.run(folder.name) as told:
-        yield told
+    with BatchProgress(Terminal(stderr=True)).shown() as shown, shown.run(folder.name) as doing:
+        yield doing
 
 
 def _session(what: Any, out: Path, settings: Mapping[str, Any]) -> Session:
@@ -325,8 +325,8 @@ def report(
     pictures = checked_count(pictures, "pictures", 0, MOST_PICTURES)
     tools = report_tools(_checked_workers(workers))
     shown = counted_bar("reading") if checked_flag(progress, "progress") else nullcontext(lambda what, done, of: None)
-    with shown as told:
-        return report_of(folder, other, file, embed, beside, pictures, tools, told)
+    with shown as doing:
+        return report_of(folder, other, file, embed, beside, pictures, tools, doing)
 
 
 def _checked_workers(workers: int) -> int:

@@ -335,7 +335,8 @@ class OpenedFrame:
         # The preset is a word, all else a section.
         both = {name: {**own[name], **of} for name, of in sections.items() if name in own and isinstance(of, Mapping)}
         merged = {**own, **sections, **both}
-        session = session_at(self._path, merged)
+        # Settings of a run have every field.
+        session = load_session(None, merged, "settings") if self._path is None else session_at(self._path, merged)
         is_same = all(merged.get(name) == self._settings.get(name) for name in ("scene", "hypotheses"))
         return Toolbox(session, source=self._source if is_same else None, own=self._parts | parts), self.name
 
@@ -460,15 +461,13 @@ def target_of(problem: Problem, name: str | int) -> Target:
     return own[0]
 
 
-def session_at(path: Path | str | None, sections: Mapping[str, Any]) -> Session:
-    """The session of what lies at a path, or of a built-in scene; without a path of the settings alone.
+def session_at(path: Path | str, sections: Mapping[str, Any]) -> Session:
+    """The session of what lies at a path, or of a built-in scene.
 
     Raises:
         InputError: it is a run, or a batch; says what opens those.
         VerefineError: the data or the settings cannot be used.
     """
-    if path is None:  # Of a run, with every field.
-        return load_session(None, sections, "settings")
     folder = checked_path(path, "path", "what verefine-viz view opens, or the name of a built-in scene")
     if folder.suffix in (SUFFIX, ".rrd"):
         raise InputError(f"{path} is a run; open it by open_run, whose result has its frame")

@@ -220,7 +220,7 @@ def _name(part: Any) -> str:
 
 
 def _registered(kind: _Kind, name: str, part: Any) -> Any:
-    """The part as toolboxes take it; whoever looks for its name in this process finds it."""
+    """The part as toolboxes take it; what looks for its name in this process finds it."""
     if kind is _REFINER:
         checked = _CheckedRefiner(name, part)
         REFINERS[name] = lambda session: checked
