@@ -30,6 +30,7 @@ help:
 	@echo "make test-lowest  run the fast tests with the lowest versions that pyproject.toml allows"
 	@echo "make lint   check format, style, types and layers, of the page's modules too"
 	@echo "make tables  write what columns, causes and their numbers mean into docs/tables.md and docs/causes.md"
+	@echo "make sections  write the types of settings that the library takes: verefine_viz/library/sections.py"
 	@echo "make messages  write what page and server say to each other: messages.d.ts, the tables of docs/page.md"
 	@echo "make closure  print what each module needs at import, in lines (MODULES=\"run.engine page.views\": these, and why)"
 	@echo "make measured  draw the figures of docs/measured.md from docs/measured/*.csv, and fill in its tables"
@@ -84,6 +85,9 @@ closure: $(VENV)/.ready-dev
 
 tables: $(VENV)/.ready-dev
 	$(BIN)/python scripts/write_tables.py
+
+sections: $(VENV)/.ready-dev
+	$(BIN)/python scripts/write_sections.py
 
 messages: $(VENV)/.ready-dev
 	$(BIN)/python scripts/write_messages.py

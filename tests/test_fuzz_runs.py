@@ -26,7 +26,6 @@ from tests.page.fake_tools import FakeTools
 from tests.page.made_batch import make_batch
 from verefine_viz.batch.completeness import check_files, write_tables
 from verefine_viz.batch.index import read_batch
-from verefine_viz.commands.report import report_tools
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.page.answers_to_wants import GoneAnswer
@@ -36,6 +35,7 @@ from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import verify
+from verefine_viz.report.report_tools import report_tools
 from verefine_viz.report.write_report import write_report
 from verefine_viz.run.engine import Run
 from verefine_viz.run.record import RunRecord

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 __version__ = "0.1.0"
@@ -16,7 +18,8 @@ _HOMES = {
     **dict.fromkeys(("Frame", "OpenedFrame", "open_dataset", "open_frame"), "library.frame_to_solve"),
     **dict.fromkeys(("estimator", "refiner", "simulator", "verifier"), "library.plugins"),
     **dict.fromkeys(("estimate", "evaluate", "refine", "score", "score_maps", "settle"), "library.single_calls"),
-    **dict.fromkeys(("Run", "solve", "step"), "library.solving"),
+    **dict.fromkeys(("Run", "open_run", "solve", "step"), "library.solving"),
+    **dict.fromkeys(("Batch", "batch", "open_batch", "report"), "library.batches"),
     "label": "library.labelling",
     "show": "page.notebook",
     "share": "page.share",
@@ -33,3 +36,14 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *_HOMES})
+
+
+class _Library(ModuleType):
+    """This package. ``vv.batch`` and ``vv.report`` are calls; the packages of these names are there by import alone."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _HOMES and isinstance(value, ModuleType)):  # Python sets what was imported.
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Library

@@ -21,6 +21,7 @@ import os
 import re
 import shutil
 import time
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 from urllib.parse import unquote
@@ -47,6 +48,8 @@ FARTHEST_M = 60.0
 """A median depth, or a pose, further away is in millimetres."""
 SHOWN = 3
 """Problems that are reported in full."""
+MESH = "a PLY, OBJ, GLB or STL file, a mesh of trimesh, or (vertices, faces[, colours])"
+"""What is taken as a mesh."""
 COPIED = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", ".gif", ".tga", ".tif", ".tiff", ".webp")
 """Files that are copied with the mesh that names them."""
 
@@ -123,7 +126,7 @@ class Trace:
     def object(
         self,
         name: str,
-        mesh: Path | str,
+        mesh: Any,
         mask: Any = None,
         unit_m: float = 1.0,
         truth: Any = None,
@@ -133,10 +136,11 @@ class Trace:
 
         Args:
             name: the same in all traces of this object.
-            mesh: PLY, OBJ, GLB or STL file; it is copied with its texture.
+            mesh: PLY, OBJ, GLB or STL file, which is copied with its texture; or a mesh of trimesh; or
+                (vertices, faces) or (vertices, faces, colours), arrays (V, 3), (F, 3) and (V, 3) uint8.
             mask: (H, W) its visible pixels: all that is not 0, no labels of several objects; None = those that its
                 first pose covers.
-            unit_m: metres per unit of the mesh file.
+            unit_m: metres per unit of the mesh.
             truth: (4, 4) ground truth of T_cam_obj [m], or None.
             symmetry_axis: (3,) through the middle of the mesh's box; every turn about it looks the same. None = none.
         """
@@ -151,7 +155,7 @@ class Trace:
 
     @_never_raises
     def _begin_object(
-        self, number: int, name: str, mesh: Path | str, mask: Any, unit_m: float, truth: object, axis: object
+        self, number: int, name: str, mesh: Any, mask: Any, unit_m: float, truth: object, axis: object
     ) -> None:
         line: dict[str, Any] = {
             "object": number,
@@ -162,13 +166,13 @@ class Trace:
             "truth": None,
         }
         try:
-            if not (isinstance(unit_m, (int, float)) and 0 < unit_m < math.inf):
+            if not (isinstance(unit_m, Real) and 0 < unit_m < math.inf):
                 raise ValueError(f"unit_m is {unit_m!r}, expected metres per unit of the mesh, as 0.001")
             line["unit_m"] = float(unit_m)
-            if not isinstance(mesh, (str, os.PathLike)):
-                raise TypeError(f"it is {mesh!r}, expected the path of a PLY, OBJ, GLB or STL file")
-            missing = _copy_mesh(Path(mesh), self.folder / f"mesh_{number}")
-            line["mesh"] = f"mesh_{number}/{Path(mesh).name}"
+            own = self.folder / f"mesh_{number}"
+            file_name = Path(mesh).name if isinstance(mesh, (str, os.PathLike)) else "mesh.ply"
+            missing = _copy_mesh(Path(mesh), own) if isinstance(mesh, (str, os.PathLike)) else _write_mesh(mesh, own)
+            line["mesh"] = f"mesh_{number}/{file_name}"
             for file in missing:
                 self.problem(f"mesh of {name}: {file}, which it names, cannot be copied; the mesh may lose its colours")
         except Exception as error:
@@ -454,6 +458,72 @@ def _copy_mesh(mesh: Path, folder: Path) -> list[str]:
         except OSError:
             missing.append(name)
     return missing
+
+
+def _write_mesh(mesh: Any, folder: Path) -> list[str]:
+    """Writes a mesh that is in memory to a PLY file; returns nothing, as no other file belongs to it."""
+    parts = tuple(mesh) if isinstance(mesh, (tuple, list)) else _parts_of(mesh)
+    if len(parts) not in (2, 3):
+        raise TypeError(f"it is of type {type(mesh).__name__}, expected {MESH}")
+    vertices, faces = _numbers(parts[0], "the vertices", (-1, 3)), _numbers(parts[1], "the faces", (-1, 3))
+    colours = None if len(parts) < 3 or parts[2] is None else _array(parts[2])
+    if vertices.ndim != 2 or faces.ndim != 2 or vertices.shape[1] != 3 or faces.shape[1] != 3 or not len(faces):
+        raise ValueError(f"vertices {vertices.shape} and faces {faces.shape}, expected (V, 3) and (F, 3)")
+    if not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
+        raise ValueError("vertices that are not finite, or faces that name vertices that do not exist")
+    if colours is not None and (
+        colours.dtype != np.uint8 or colours.shape not in ((len(vertices), 3), (len(vertices), 4))
+    ):
+        raise ValueError(f"colours are {colours.dtype} of shape {colours.shape}, expected uint8 of shape (V, 3)")
+    folder.mkdir()
+    (folder / "mesh.ply").write_bytes(ply_bytes(vertices, faces.astype(np.int32), colours))
+    return []
+
+
+def _parts_of(mesh: Any) -> tuple[Any, ...]:
+    """Vertices, faces and colours of a mesh as trimesh has it; nothing of anything else."""
+    if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
+        return ()
+    look: Any = getattr(mesh, "visual", None)
+    kind = getattr(look, "kind", None)
+    colours = look.to_color().vertex_colors if kind == "texture" else look.vertex_colors if kind == "vertex" else None
+    return mesh.vertices, mesh.faces, None if colours is None else np.asarray(colours, np.uint8)
+
+
+def ply_bytes(vertices: Any, faces: Any, colours: Any = None, texture: Any = None) -> bytes:
+    """The content of a PLY file; coordinates are doubles, so that the vertices come back as they were.
+
+    Args:
+        vertices: (V, 3), in the unit of the file.
+        faces: (F, 3) vertex indices.
+        colours: (V, 3) RGB, or None.
+        texture: the name of its image beside the file, and where each face's corners lie in it (F, 3, 2), with u to the
+            right and v up; or None.
+    """
+    fields = [("x", "<f8"), ("y", "<f8"), ("z", "<f8")]
+    if colours is not None:
+        fields += [("red", "u1"), ("green", "u1"), ("blue", "u1")]
+    points = np.empty(len(vertices), dtype=fields)
+    for k, axis in enumerate("xyz"):
+        points[axis] = vertices[:, k]
+    if colours is not None:
+        for k, channel in enumerate(("red", "green", "blue")):
+            points[channel] = colours[:, k]
+    corners: list[Any] = [("n", "u1"), ("vertex_indices", "<i4", 3)]
+    comment = lists = ""
+    if texture is not None:
+        corners += [("n_uv", "u1"), ("texcoord", "<f4", 6)]
+        comment, lists = f"comment TextureFile {texture[0]}\n", "property list uchar float texcoord\n"
+    records = np.empty(len(faces), dtype=corners)
+    records["n"], records["vertex_indices"] = 3, faces
+    if texture is not None:
+        records["n_uv"], records["texcoord"] = 6, texture[1].reshape(-1, 6)
+    properties = "".join(f"property {'uchar' if kind == 'u1' else 'double'} {name}\n" for name, kind in fields)
+    header = (
+        f"ply\nformat binary_little_endian 1.0\n{comment}element vertex {len(points)}\n{properties}"
+        f"element face {len(records)}\nproperty list uchar int vertex_indices\n{lists}end_header\n"
+    )
+    return header.encode("ascii") + points.tobytes() + records.tobytes()
 
 
 def _named_files(path: Path) -> list[str]:

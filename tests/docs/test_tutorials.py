@@ -27,7 +27,8 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None
     """Where tutorials write; a refiner that they register is gone with the test."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(REFINERS, "nudge", None)
+    for name in ("nudge", "ShiftNet"):
+        monkeypatch.setitem(REFINERS, name, None)
     matplotlib.use("Agg")
     yield
     plt.close("all")
@@ -46,7 +47,7 @@ def run(name: str) -> tuple[dict[str, Any], str]:
 
 def test_they_are_notebooks_without_outputs() -> None:
     files = sorted(TUTORIALS.glob("*.ipynb"))
-    assert len(files) == 6
+    assert len(files) == 7
     for file in files:
         notebook = json.loads(file.read_text(encoding="utf-8"))
         nbformat.validate(notebook)
@@ -85,6 +86,8 @@ def test_a_refiner_of_ones_own_shifts_and_does_not_turn() -> None:
     assert not nudge.is_correct
     assert nudge.rotation_deg > 20 > icp.rotation_deg
     assert [stage.name for stage in names["first"].stages] == ["current", "simulated", "mixed", "refined"]
+    assert names["by_net"].session.method.refiner == "ShiftNet"
+    assert names["by_net"]["mug"].score > names["by_net"]["mug"].initial_score
 
 
 def test_a_loop_of_ones_own_shows_its_fault() -> None:
@@ -96,12 +99,22 @@ def test_a_loop_of_ones_own_shows_its_fault() -> None:
     assert names["rir"].score > names["answer"].score
 
 
+def test_a_live_loop_decides_by_the_verdict_and_leaves_traces() -> None:
+    names, printed = run("live_loop")
+    assert len(names["verdicts"]) == 3
+    assert any(names["verdicts"])
+    assert names["trace"].n_problems == 0
+    assert printed.count("verdict after") == 3
+    assert names["slow"]["mug"].score > 0.9
+    assert sorted(path.name for path in names["folder"].iterdir()) == ["000000", "000001", "000002"]
+
+
 def test_a_data_set_is_solved_evaluated_and_reported() -> None:
     names, printed = run("data_set_and_report")
-    causes = {(row["name"], row["cause"]) for row in names["rows"]}
-    assert causes == {("mug", ""), ("bowl", ""), ("bowl", "symmetric")}
-    right = {row["name"] for row in names["rows"] if float(row["add_s_mm"]) < 0.1 * float(row["diameter_mm"])}
-    assert "mug" in right
+    batch = names["batch"]
+    assert {(one.name, one.cause) for one in batch.answers} == {("mug", ""), ("bowl", ""), ("bowl", "symmetric")}
+    assert {one.name for one in batch.failures} == {"bowl"}
+    assert [*batch.runs] == ["1/1", "1/2", "1/3"]
     assert 0.7 < names["recall"].ar < 1
     assert "3 frames" in printed
     assert (names["folder"] / "runs" / "report.html").stat().st_size > 100_000

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 import verefine_viz as vv
-from tests.fakes import BOX_M, box_problem
+from tests.fakes import box_problem
+from tests.library.frames import box_file, boxes
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.refiners.registry import REFINERS
@@ -20,42 +20,26 @@ from verefine_viz.run.toolbox import Toolbox
 
 @pytest.fixture
 def mesh(tmp_path: Path) -> Path:
-    path = tmp_path / "box.ply"
-    trimesh.creation.box(BOX_M * 1000).export(path)
-    return path
-
-
-def made(mesh: Path, **more: object) -> vv.Frame:
-    """The frame of boxes on a table, of arrays."""
-    problem = box_problem(n_instances=2)
-    seen = problem.observation
-    frame = vv.Frame(seen.camera.K, seen.depth_m, seen.rgb)
-    for k, instance in enumerate(problem.instances):
-        poses = np.array([h.T_cam_obj for h in instance.hypotheses])
-        frame.add(f"box {k}", mesh, instance.mask, poses, unit_m=0.001, T_cam_obj_gt=instance.T_cam_obj_gt, **more)  # type: ignore[arg-type]
-    return frame
+    return box_file(tmp_path)
 
 
 def test_a_frame_of_arrays_is_solved_and_nothing_is_written(mesh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = {*mesh.parent.rglob("*")}
     monkeypatch.chdir(mesh.parent)
-    run = vv.solve(made(mesh), "pir")
+    run = vv.solve(boxes(mesh), "pir")
     answer = run["box 0"]
     assert answer.score is not None
     assert answer.score > 0.5
     assert answer.is_correct
-    assert len(run.iterations) == sum(1 for _ in run)
-    columns = run.to_frame()
-    assert columns["name"] == [*run.frame.objects]
-    assert {len(column) for column in columns.values()} == {len(run.frame.objects)}
+    assert len(run.iterations) == sum(1 for _ in run.iterations)
     assert {*mesh.parent.rglob("*")} == before
 
 
 def test_stepping_solving_saving_and_batch_give_the_same_bits(mesh: Path, tmp_path: Path) -> None:
-    whole = vv.solve(made(mesh), {"name": "rir", "seed": 3})
-    stepped = vv.step(made(mesh), {"name": "rir", "seed": 3})
+    whole = vv.solve(boxes(mesh), {"name": "rir", "seed": 3})
+    stepped = vv.step(boxes(mesh), {"name": "rir", "seed": 3})
     assert not stepped.is_done
-    for one, other in zip(stepped, whole, strict=True):
+    for one, other in zip(stepped.iterations, whole.iterations, strict=True):
         assert one.stages[-1].T_cam_obj.tobytes() == other.stages[-1].T_cam_obj.tobytes()
     record = read_run_file(whole.save(tmp_path / "drop.vfrun"))
     assert record.is_complete
@@ -69,7 +53,7 @@ def test_stepping_solving_saving_and_batch_give_the_same_bits(mesh: Path, tmp_pa
 
 
 def test_a_run_of_arrays_is_shared_and_saved_again(mesh: Path, tmp_path: Path) -> None:
-    run = vv.solve(made(mesh), "refine")
+    run = vv.solve(boxes(mesh), "refine")
     for _ in range(2):
         assert run.save(tmp_path / "drop_17.vfrun").is_file()
     assert sorted(path.name for path in tmp_path.glob("drop*")) == ["drop_17-frame", "drop_17.vfrun"]
@@ -83,7 +67,7 @@ def test_a_run_of_arrays_is_shared_and_saved_again(mesh: Path, tmp_path: Path) -
 
 
 def test_single_calls_are_what_the_engine_does(mesh: Path) -> None:
-    frame = made(mesh)
+    frame = boxes(mesh)
     truth = box_problem(n_instances=2).instances[0].T_cam_obj_gt
     assert truth is not None
     away = truth.copy()
@@ -113,9 +97,9 @@ def test_a_refiner_of_ones_own_is_taken_by_its_name(mesh: Path, monkeypatch: pyt
 
     truth = box_problem(n_instances=2).instances[0].T_cam_obj_gt
     assert truth is not None
-    moved = vv.refine(made(mesh), "box 0", truth, refiner="lifts")
+    moved = vv.refine(boxes(mesh), "box 0", truth, refiner="lifts")
     assert np.allclose(moved[:3, 3] - truth[:3, 3], (0, -0.001, 0))
-    assert vv.solve(made(mesh), "refine", refiner="lifts").iterations
+    assert vv.solve(boxes(mesh), "refine", refiner="lifts").iterations
     with pytest.raises(InputError, match="another"):
         vv.refiner("icp")(Lifts)
     with pytest.raises(InputError, match="another"):
@@ -125,9 +109,9 @@ def test_a_refiner_of_ones_own_is_taken_by_its_name(mesh: Path, monkeypatch: pyt
 
 
 def test_frames_of_data_are_opened_by_path_and_name(mesh: Path, tmp_path: Path) -> None:
-    folder = made(mesh).save(tmp_path / "runs" / "one")
+    folder = boxes(mesh).save(tmp_path / "runs" / "one")
     opened = vv.open_frame(folder)
-    assert opened.objects == made(mesh).objects
+    assert opened.objects == boxes(mesh).objects
     run = vv.solve(opened, "refine")
     assert vv.solve(opened, "refine", preset="paper").session.method.refiner == "icp"
     assert run["box 1"].T_cam_obj is not None
@@ -147,7 +131,7 @@ def test_frames_of_data_are_opened_by_path_and_name(mesh: Path, tmp_path: Path) 
         ({"poses": np.eye(3)}, "pose of box"),
         ({"symmetry_axis": (0, 0, 0)}, "expected a direction"),
         ({"name": ""}, "expected a text"),
-        ({"mesh": 3}, "expected the path of a PLY"),
+        ({"mesh": 3}, "expected a PLY"),
     ],
 )
 def test_what_does_not_fit_is_one_line_where_it_is_given(mesh: Path, change: dict, message: str) -> None:
@@ -174,7 +158,7 @@ def test_every_name_is_there_and_typed() -> None:
 
 
 def test_what_is_no_frame_no_section_and_no_pose_in_metres_is_one_line(mesh: Path) -> None:
-    frame = made(mesh)
+    frame = boxes(mesh)
     far = np.eye(4)
     far[:3, 3] = (0, 0, 600)
     for call, message in (

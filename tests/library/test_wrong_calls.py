@@ -80,18 +80,28 @@ def calls(mesh: Path, folder: Path) -> Iterator[Call]:
     yield Call("OpenedFrame.problem", opened.problem, {}, sections=True)
     yield Call("open_frame", vv.open_frame, {"path": trace, "frame": ""}, sections=True)
     yield Call("open_dataset", lambda **a: next(iter(vv.open_dataset(**a))), {"path": trace}, sections=True)
-    yield Call("score", vv.score, {**one, "poses": pose}, sections=True)
+    yield Call("score", vv.score, {**one, "poses": pose, "verifier": ""}, sections=True)
     yield Call("score_maps", vv.score_maps, {**one, "pose": pose}, sections=True)
     yield Call("refine", vv.refine, {**one, "poses": pose, "refiner": ""}, sections=True)
-    yield Call("settle", vv.settle, {**one, "poses": pose, "steps": 2}, sections=True)
+    yield Call("settle", vv.settle, {**one, "poses": pose, "steps": 2, "simulator": ""}, sections=True)
     yield Call("estimate", vv.estimate, {**one, "estimator": "ppf", "n": 2}, sections=True)
     yield Call("label", vv.label, {**one, "T_start": pose, "others": None}, sections=True)
     yield Call("evaluate", vv.evaluate, {"results": folder / "a.csv", "dataset": folder, "split": ""})
-    solving = {"frame": frame, "method": "refine", "refiner": "", "preset": ""}
+    parts = {"refiner": "", "verifier": "", "simulator": "", "estimator": ""}
+    solving = {"frame": frame, "method": "refine", "preset": "", **parts}
     yield Call("solve", vv.solve, solving, sections=True)
     yield Call("step", vv.step, solving, sections=True)
-    yield Call("Run", vv.Run, {"frame": frame, "sections": {}})
+    yield Call("open_run", vv.open_run, {"path": run.save(folder / "a.vfrun")})
+    yield Call("open_batch", vv.open_batch, {"folder": folder / "nothing"})
+    batching = {"what": trace, "out": folder / "out", "workers": 1, "method": "refine", "preset": "bogus", **parts}
+    flags = {"diagnose": False, "retry_failed": False, "progress": False}
+    yield Call("batch", vv.batch, {**batching, **flags}, sections=True)
+    reported = {"what": folder / "nothing", "against": None, "out": None, "embed": 1, "beside": 0, "pictures": 1}
+    yield Call("report", vv.report, {**reported, "workers": 1, "progress": False})
+    yield Call("Run", vv.Run, {"of": None})
+    yield Call("Batch", vv.Batch, {"index": None})
     yield Call("Run[]", lambda name: run[name], {"name": "box"})
+    yield Call("Run.iterations[]", lambda k: run.iterations[k], {"k": 0})
     yield Call("Run.save", run.save, {"path": folder / "a.vfrun"})
     yield Call("Run.share", run.share, {"out": folder / "a.html", "maps": "end", "with_scene": False})
     yield Call("Run.show", run.show, {"height": 300})

@@ -13,8 +13,8 @@ from tests.made_runs import answer, because
 from tests.report.pages import GONE, messages, parts, report, section
 from tests.report.runs import row, write_run
 from verefine_viz import cli
-from verefine_viz.commands.report import report_tools
 from verefine_viz.page.thumbnails import Painter
+from verefine_viz.report.report_tools import report_tools
 from verefine_viz.report.write_report import write_report
 from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.demo import demo_problem

@@ -177,7 +177,7 @@ def test_a_mesh_that_is_none_and_a_skew_are_counted(tmp_path: Path, caplog: pyte
     with caplog.at_level(logging.WARNING), Trace(tmp_path / "t", K=skewed, depth_m=picture()[0]) as trace:
         trace.object("box", mesh=None)  # type: ignore[arg-type]
     assert trace.n_problems == 2
-    assert "K has a skew of 5 px, which is not used; mesh of box: it is None" in caplog.text
+    assert "K has a skew of 5 px, which is not used; mesh of box: it is of type NoneType" in caplog.text
 
 
 def test_calls_after_the_end_are_counted_and_the_first_is_reported(
@@ -295,7 +295,7 @@ def test_a_copy_of_the_file_needs_numpy_alone_and_an_old_python() -> None:
     names = {alias.name for node in at_run_time if isinstance(node, ast.Import) for alias in node.names}
     names |= {f"{node.module}.{a.name}" for node in at_run_time if isinstance(node, ast.ImportFrom) for a in node.names}
     stdlib = {"json", "logging", "math", "os", "re", "shutil", "time", "pathlib.Path", "__future__.annotations"}
-    typing = {"typing.TYPE_CHECKING", "typing.Any", "typing.BinaryIO"}
+    typing = {"numbers.Real", "typing.TYPE_CHECKING", "typing.Any", "typing.BinaryIO"}
     assert names == stdlib | typing | {"numpy", "urllib.parse.unquote"}
 
 

@@ -17,8 +17,9 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.core.writing import write_json
 from verefine_viz.scenes.image_files import write_image
-from verefine_viz.scenes.meshes import ply_bytes, size_entry
+from verefine_viz.scenes.meshes import size_entry
 from verefine_viz.scenes.segments import silhouette
+from verefine_viz.trace import ply_bytes
 
 TARGET_VISIB_FRACT = 0.1
 """Instances that are less visible are no targets (BOP)."""
@@ -55,7 +56,7 @@ def _write_models(folder: Path, models: dict[int, ObjectModel]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     info: dict[str, Any] = {}
     for obj_id, model in sorted(models.items()):
-        content = ply_bytes(model.vertices, model.faces, model.vertex_colors)
+        content = ply_bytes(1e3 * model.vertices, model.faces, model.vertex_colors)
         (folder / f"obj_{obj_id:06d}.ply").write_bytes(content)
         entry = size_entry(model.vertices, model.diameter_m)
         if model.is_symmetric:

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables that are set to 1 before a worker loads numpy or numba."""
 
+MOST_PER_CORE = 4
+"""More workers than the cores save no time, and a process takes up to 1 GB; a few more do no harm."""
 TaskName = Literal["solve", "explain", "estimate"]
 """What workers do with a frame: solve it; solve it and explain wrong answers; only make initial poses."""
 

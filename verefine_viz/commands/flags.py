@@ -17,6 +17,7 @@ import tyro
 from msgspec import Struct
 from msgspec.inspect import StructType
 
+from verefine_viz.batch.worker_tasks import MOST_PER_CORE
 from verefine_viz.core.errors import SettingsError, quoted, unknown
 from verefine_viz.core.presets import preset_fields
 from verefine_viz.core.setting_types import descriptions, fields_of, kinds_of, limits
@@ -134,8 +135,6 @@ def _clusters(order: tuple[tuple[int | str, ...], ...]) -> Any:
 
 # Bounds of options that several commands have.
 
-MOST_PER_CORE = 4
-"""More than the cores save no time, and a process takes up to 1 GB; a few more do no harm."""
 MOST_SEEDS = 1000
 """Seeds of a sweep or a study; the paper has 10 to 20 repetitions."""
 MOST_MEMORY_GB = 100_000

@@ -6,16 +6,13 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 
 from verefine_viz.commands.flags import check_workers
 from verefine_viz.core.errors import SettingsError, quoted
 from verefine_viz.core.writing import check_file
-
-if TYPE_CHECKING:
-    from verefine_viz.report.write_report import ReportTools
 
 MOST_EMBEDDED, MOST_PICTURES = 200, 10_000
 """Largest numbers that are accepted: up to 600 MB of frames, and 80 MB of pictures."""
@@ -57,25 +54,9 @@ class ReportCommand:
         check_workers(self.workers)
         if self.out is not None:
             check_file(self.out, "report.html")
+        from verefine_viz.report.report_tools import report_tools
         from verefine_viz.report.write_report import print_report
 
         tools = report_tools(self.workers)
         print_report(self.folder, self.other, self.out, self.embed, self.beside, self.pictures, tools)
         return 0
-
-
-def report_tools(workers: int = 1) -> ReportTools:
-    """What works out and draws for a report, with that many threads for the BOP scores."""
-    from verefine_viz.page.share import opened_answer, shared, write_shared
-    from verefine_viz.page.thumbnails import Painter
-    from verefine_viz.report.bop_recalls import bop_recalls
-    from verefine_viz.report.write_report import ReportTools
-
-    return ReportTools(
-        lambda runs, progress: bop_recalls(runs, workers, progress),
-        lambda gallery: Painter(lambda: gallery),
-        lambda gallery, entry, command, objects, prefix: shared(
-            opened_answer(gallery, entry), command, "end", objects, prefix
-        ),
-        write_shared,
-    )

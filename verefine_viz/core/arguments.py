@@ -5,6 +5,7 @@ from __future__ import annotations
 import operator
 import os
 from collections.abc import Mapping
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ def described(value: object) -> str:
     """A value as a message names it: written out where it is short, else its type."""
     if value is None or isinstance(value, bool | int | float | complex | str):
         return quoted(value, SHOWN)
+    if isinstance(value, np.generic):
+        return described(value.item()) if value.dtype.kind in "biufcU" else f"a {type(value).__name__}"
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape}"
     kind = type(value).__name__
@@ -85,8 +88,27 @@ def checked_choice(value: object, name: str, choices: tuple[str, ...]) -> str:
 
 def checked_flag(value: object, name: str) -> bool:
     """True or False; ArgumentTypeError where the value is neither."""
-    if not isinstance(value, bool):
+    if not isinstance(value, bool | np.bool_):
         raise ArgumentTypeError(f"{name} is {described(value)}, expected True or False")
+    return bool(value)
+
+
+def plain_value(value: Any) -> Any:
+    """A value as settings files have it: of numpy's numbers and arrays Python's, of a path its text."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: plain_value(inner) for key, inner in value.items()}
+    if isinstance(value, tuple | list):
+        return [plain_value(inner) for inner in value]
+    if isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
+        return float(value)
+    if isinstance(value, os.PathLike) and isinstance(path := os.fspath(value), str):
+        return path
     return value
 
 

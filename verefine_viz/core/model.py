@@ -96,6 +96,9 @@ class ObjectModel:
                 f"{len(self.texture.uv)}"
             )
 
+    def __repr__(self) -> str:
+        return f"<ObjectModel {self.name} ({self.obj_id}): {len(self.faces)} faces, {1e3 * self.diameter_m:.0f} mm>"
+
     @cached_property
     def mesh_hash(self) -> str:
         """Hex digest of the geometry: the key of everything cached on disk."""

@@ -97,3 +97,7 @@ class Observation:
             set_fields(self, T_map_cam=as_rigid(self.T_map_cam, "T_map_cam"))
         if self.rgb is not None:
             set_fields(self, rgb=frozen(self.rgb, "rgb", (h, w, 3), np.uint8))
+
+    def __repr__(self) -> str:
+        colour = "without colour" if self.rgb is None else "with colour"
+        return f"<Observation {self.camera.width}×{self.camera.height} {colour}>"

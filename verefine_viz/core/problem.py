@@ -147,6 +147,9 @@ class Instance:
         if self.T_cam_obj_gt is not None:
             set_fields(self, T_cam_obj_gt=as_rigid(self.T_cam_obj_gt, "ground-truth pose"))
 
+    def __repr__(self) -> str:
+        return f"<Instance {self.instance_id} of object {self.obj_id}: {len(self.points_cam)} points>"
+
     def recorded_score(self, T_cam_obj: Float) -> float | None:
         """The score that the other program last gave to this pose (4, 4); None where it gave none."""
         scored = [(step.T_cam_obj, step.score) for step in reversed(self.recorded)]
@@ -179,6 +182,9 @@ class Target:
     observation: Observation
     instance: Instance
     model: ObjectModel
+
+    def __repr__(self) -> str:
+        return f"<Target {self.model.name} (#{self.instance.instance_id}): {len(self.instance.hypotheses)} hypotheses>"
 
     def left_out(self, why: str, is_unreadable: bool = False) -> LeftOut:
         """The object where it cannot be solved."""
@@ -216,6 +222,10 @@ class Problem:
     """None: not analysed; every instance is then a cluster of its own, in the order of ``instances``."""
     order: tuple[tuple[int, ...], ...] = ()
     """Clusters of instance ids, in the order to solve them, that came with the frame; empty where none did."""
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.models[i.obj_id].name for i in self.instances)
+        return f"<Problem {self.frame}: {names or 'no object'}>"
 
     @cached_property
     def targets(self) -> tuple[Target, ...]:

@@ -1,6 +1,7 @@
 """What can be plugged in. A new refiner, simulator or verifier is one class that has the method named here.
 
-Every answer depends on the arguments only: the same call after any history gives the same bits.
+Every answer depends on the arguments only: the same call after any history gives the same bits. Parts of other programs
+get arrays of their own (core/own_parts.py).
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ class Refiner(Protocol):
     """Improves a pose from what was observed.
 
     ``target`` has it all: the cloud and the mask of the instance, depth, colour and camera of the frame, the model. A
-    refiner that draws the model has a renderer of its own (rendering/mesh.py, rendering/rasterizer.py). Arrays are
-    read-only, as all calls share them: ``np.array(x)`` is one to write into, which Open3D's vectors ask for.
+    refiner that draws the model has a renderer of its own (rendering/mesh.py, rendering/rasterizer.py). Arrays that a
+    refiner of another program is given are its own for the call, to write into as well.
     """
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:

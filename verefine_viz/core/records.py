@@ -108,6 +108,9 @@ class Stage(Struct, frozen=True, eq=False):
     ms: Real = 0.0
     """Time it took to compute the pose [ms]."""
 
+    def __repr__(self) -> str:
+        return f"<Stage {self.name}{'' if self.score is None else f', score {self.score.score:.3f}'}>"
+
     def with_score(self, score: PoseScore | None) -> Stage:
         """Return the stage with its score."""
         return Stage(self.name, self.T_cam_obj, score, self.ms)
@@ -237,6 +240,11 @@ class Iteration(Struct, frozen=True, eq=False):
     """physim_mcts."""
     score_ms: Real = 0.0
     """Time the iteration waited for its scores [ms]; those worked out beside the refiner cost it none."""
+
+    def __repr__(self) -> str:
+        score = self.accepted_stage.score
+        scored = "" if score is None else f", score {score.score:.3f}"
+        return f"<Iteration {self.index} of object {self.instance_id}, hypothesis {self.arm}: {self.accepted}{scored}>"
 
     def stage(self, name: StageName) -> Stage | None:
         """The stage of that name, or None."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.own_parts import NO_PARTS, OwnParts
 from verefine_viz.core.protocols import Estimator
 from verefine_viz.core.settings import Session
 
@@ -41,12 +42,14 @@ WEIGHTS: dict[str, Callable[[Session], str]] = {"densefusion": _densefusion_hash
 """The hash of the weights of each learned estimator, by which recordings and run.json name them."""
 
 
-def make_estimator(name: str, session: Session) -> Estimator:
-    """The estimator of that name with the session's settings.
+def make_estimator(name: str, session: Session, own: OwnParts = NO_PARTS) -> Estimator:
+    """The estimator of that name with the session's settings; ``own``, parts of the caller, come before others.
 
     Raises:
         SettingsError: no estimator has that name; lists those that exist.
     """
+    if name in own.estimators:
+        return own.estimators[name]
     if name not in ESTIMATORS:
         raise SettingsError(unknown("estimator", name, ESTIMATORS))
     return ESTIMATORS[name](session)

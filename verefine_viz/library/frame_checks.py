@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from contextlib import suppress
 from itertools import chain, zip_longest
-from pathlib import Path
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,9 @@ from verefine_viz.core.label_images import labels_fault, labels_in
 from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import CameraEntry, intrinsics_of
-from verefine_viz.scenes.meshes import Mesh, read_mesh
+from verefine_viz.scenes.meshes import AnyMesh, Mesh, mesh_of, read_mesh
 from verefine_viz.scenes.recorded_frame import RecordedObject
+from verefine_viz.trace import MESH
 
 TOO_LARGE, TOO_SMALL = 30.0, 5.0
 """So many times as large, or as small, as what its mask covers a mesh must have a wrong unit. A mask may show a small
@@ -105,7 +107,7 @@ def checked_object(
     camera: Camera,
     points_cam: Float,
     name: str,
-    mesh: Path | str,
+    mesh: AnyMesh | Mesh,
     mask: ArrayLike | None,
     poses: Poses,
     scores: ArrayLike | None,
@@ -123,20 +125,23 @@ def checked_object(
         ShapeError: an array has another shape, or no pose is one.
     """
     name = checked_name(name, "name of an object")
-    path = checked_path(mesh, f"mesh of {name}", "the path of a PLY, OBJ, GLB or STL file")
-    if not isinstance(unit_m, int | float) or isinstance(unit_m, bool) or not 0 < unit_m <= LARGEST_UNIT_M:
+    is_file = isinstance(mesh, str | os.PathLike)
+    path = checked_path(mesh, f"mesh of {name}", MESH) if is_file else None
+    if not isinstance(unit_m, Real) or isinstance(unit_m, bool) or not 0 < unit_m <= LARGEST_UNIT_M:
         what = f"{described(unit_m)}, expected metres per unit of the mesh, as 0.001"
         raise InputError(f"unit_m of {name} is {what}")
+    unit_m = float(unit_m)
     seen = covered = None
     if mask is not None:
         seen = _mask(mask, name, camera.shape)
         covered = points_cam[seen & (points_cam[..., 2] > 0)]
         if len(covered) == 0:
             raise ShapeError(f"mask of {name} has no measured depth")
-    shape = read_mesh(path, unit_m)
+    shape = _shape(mesh, unit_m, name) if path is None else read_mesh(path, unit_m)
+    of = f"mesh of {name}" if path is None else str(path)
     by_estimator = _by_estimator(poses, name)
     if covered is not None:
-        _check_size(shape.diameter_m, covered, path, unit_m, _first_distance_m(T_cam_obj_gt, *by_estimator.values()))
+        _check_size(shape.diameter_m, covered, of, unit_m, _first_distance_m(T_cam_obj_gt, *by_estimator.values()))
     faults: list[str] = []
     taken: list[Float] = []
     checked = {who: _poses(who, given, name, covered, faults, taken) for who, given in by_estimator.items()}
@@ -157,11 +162,16 @@ def checked_object(
     # Estimators take turns: the best pose of each, then the second best.
     turns = chain.from_iterable(zip_longest(*([(T, who) for T in some] for who, some in checked.items())))
     given = [one for one in turns if one is not None]
-    own = [None] * len(given) if scores is None else finite(scores, f"scores of {name}", (len(given),)).tolist()
-    used = [(T, who, score) for (T, who), score in zip(given, own, strict=True) if T is not None]
+    theirs = [None] * len(given) if scores is None else finite(scores, f"scores of {name}", (len(given),)).tolist()
+    used = [(T, who, score) for (T, who), score in zip(given, theirs, strict=True) if T is not None]
     hypotheses = tuple(Hypothesis(T, score or 0.0, who) for T, who, score in used)
     notes = (*unusable("pose", name, faults), *rounding_note(f"poses of {name}", taken))
-    return RecordedObject(name, path, unit_m, seen, hypotheses, tuple(s for *_, s in used), (), T_gt, axis), notes
+    own = (shape, 1.0) if path is None else (path, unit_m)
+    return RecordedObject(name, *own, seen, hypotheses, tuple(s for *_, s in used), (), T_gt, axis), notes
+
+
+def _shape(mesh: Any, unit_m: float, name: str) -> Mesh:
+    return mesh if isinstance(mesh, Mesh) else mesh_of(mesh, unit_m, name)
 
 
 def _by_estimator(poses: Poses, name: str) -> Mapping[str, ArrayLike]:
@@ -191,7 +201,7 @@ def _mask(given: ArrayLike, where: str, shape: tuple[int, int]) -> Mask:
     return mask
 
 
-def _check_size(diameter_m: float, covered: Float, path: Path, unit_m: float, away_m: float) -> None:
+def _check_size(diameter_m: float, covered: Float, mesh: str, unit_m: float, away_m: float) -> None:
     # Across the line of sight, and without the outermost tenths: the edge of a mask may lie on something far behind.
     across = covered[:, :2] / covered[:, 2:] * np.median(covered[:, 2])
     seen_m = float(np.linalg.norm(np.percentile(across, 90, axis=0) - np.percentile(across, 10, axis=0)))
@@ -203,7 +213,7 @@ def _check_size(diameter_m: float, covered: Float, path: Path, unit_m: float, aw
     if fits(1):
         return
     seen_m = max(seen_m, LEAST_SEEN_M)
-    message = f"{path} is {diameter_m:.3g} m across, what its mask covers {seen_m:.3g} m; "
+    message = f"{mesh} is {diameter_m:.3g} m across, what its mask covers {seen_m:.3g} m; "
     mask_m = float(np.median(np.linalg.norm(covered, axis=1)))
     times = away_m / mask_m
     if away_m and not 0.5 < times < 2 and fits(1, deeper=times):

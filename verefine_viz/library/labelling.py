@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from numbers import Integral
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from verefine_viz.core.arguments import checked_text, described
@@ -21,6 +21,11 @@ from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.labels import Label
 from verefine_viz.scenes.unlabelled_frames import Models, unlabelled_frames
 
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from verefine_viz.library.sections import Sections
+
 Named = Callable[[str | int], tuple[int, ObjectModel]]
 """The number and the model of an object, by its name or its number."""
 
@@ -30,7 +35,7 @@ def label(
     name: str | int,
     T_start: ArrayLike,
     others: Mapping[Any, ArrayLike] | None = None,
-    **sections: Mapping[str, Any],
+    **sections: Unpack[Sections],
 ) -> Label:
     """Label an object: refine a rough pose, settle it on its support and verify it, as "Snap" on the page does.
 
@@ -83,7 +88,7 @@ def _opened(tools: Toolbox, frame: str, name: str | int) -> tuple[Observation, N
 
 
 def _model(models: Models, name: str | int) -> tuple[int, ObjectModel]:
-    if isinstance(name, int | np.integer) and not isinstance(name, bool):
+    if isinstance(name, Integral) and not isinstance(name, bool):
         return int(name), models.get(int(name))
     called = checked_text(name, "name", "an object's name, or its number")
     ids = {models.name(obj_id): obj_id for obj_id in reversed(models.ids)}

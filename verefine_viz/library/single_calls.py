@@ -17,22 +17,30 @@ from verefine_viz.core.problem import Hypothesis, Placed, Target
 from verefine_viz.core.scores import ScoreMaps, Scores
 from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.evaluation.results_scores import Evaluation, evaluate_files
-from verefine_viz.library.frame_to_solve import AnyFrame, check_frame, check_sections, target_of
+from verefine_viz.library.frame_to_solve import AnyFrame, check_frame, target_of
+from verefine_viz.library.plugins import named_estimator, with_parts
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
+    from verefine_viz.library.plugins import AnyEstimator, AnyRefiner, AnySimulator, AnyVerifier
+    from verefine_viz.library.sections import Sections
     from verefine_viz.run.toolbox import Toolbox
 
 MOST_STEPS = MOST_HYPOTHESES = 10_000
 """Of a simulation, and of an estimator; as settings have them."""
 
 
-def score(frame: AnyFrame, name: str | int, poses: ArrayLike, **sections: Mapping[str, Any]) -> Scores:
+def score(
+    frame: AnyFrame, name: str | int, poses: ArrayLike, verifier: AnyVerifier = "", **sections: Unpack[Sections]
+) -> Scores:
     """Score poses of an object (Eq. 1, paper Sec. III-B).
 
     Args:
         frame: the frame.
         name: the object's name, or its instance_id.
         poses: T_cam_obj [m], (4, 4) or (N, 4, 4); of a rounded rotation the nearest exact one is taken.
+        verifier: one of your own in place of Eq. 1, by its name or itself.
         sections: settings: ``score={"tau_m": 0.01}``.
 
     Returns:
@@ -42,11 +50,11 @@ def score(frame: AnyFrame, name: str | int, poses: ArrayLike, **sections: Mappin
         InputError: the frame has no such object, or a pose is none.
         SettingsError: a setting is unknown or out of range.
     """
-    tools, target = _object(frame, name, sections)
+    tools, target = _object(frame, name, with_parts(sections, verifier=verifier))
     return tools.verifier.score(target, checked_poses(poses))
 
 
-def score_maps(frame: AnyFrame, name: str | int, pose: ArrayLike, **sections: Mapping[str, Any]) -> ScoreMaps | None:
+def score_maps(frame: AnyFrame, name: str | int, pose: ArrayLike, **sections: Unpack[Sections]) -> ScoreMaps | None:
     """Score one pose pixel by pixel (Eq. 1, paper Sec. III-B).
 
     Args:
@@ -71,7 +79,7 @@ def score_maps(frame: AnyFrame, name: str | int, pose: ArrayLike, **sections: Ma
 
 
 def refine(
-    frame: AnyFrame, name: str | int, poses: ArrayLike, refiner: str = "", **sections: Mapping[str, Any]
+    frame: AnyFrame, name: str | int, poses: ArrayLike, refiner: AnyRefiner = "", **sections: Unpack[Sections]
 ) -> Float:
     """Refine poses of an object once.
 
@@ -79,7 +87,7 @@ def refine(
         frame: the frame.
         name: the object's name, or its instance_id.
         poses: T_cam_obj [m], (4, 4) or (N, 4, 4).
-        refiner: icp, depth_net, …, or one of your own; empty = the default.
+        refiner: icp, depth_net, …, or one of your own, by its name or itself; "" = the default.
         sections: settings: ``icp={"max_iterations": 50}``.
 
     Returns:
@@ -89,14 +97,20 @@ def refine(
         InputError: the frame has no such object, or a pose is none.
         SettingsError: there is no such refiner or setting.
     """
-    given, own = checked_poses(poses), {"refiner": refiner} if checked_text(refiner, "refiner", "its name") else {}
-    check_sections(sections)
-    tools, target = _object(frame, name, {**sections, "method": {**own, **sections.get("method", {})}})
+    given = checked_poses(poses)
+    tools, target = _object(frame, name, with_parts(sections, refiner=refiner))
     refined = np.stack([tools.refiner.refine(target, T) for T in given])
     return refined.reshape(np.shape(poses))
 
 
-def settle(frame: AnyFrame, name: str | int, poses: ArrayLike, steps: int = 60, **sections: Mapping[str, Any]) -> Float:
+def settle(
+    frame: AnyFrame,
+    name: str | int,
+    poses: ArrayLike,
+    steps: int = 60,
+    simulator: AnySimulator = "",
+    **sections: Unpack[Sections],
+) -> Float:
     """Let an object move under gravity on the support plane (paper Sec. III-A).
 
     Args:
@@ -104,6 +118,7 @@ def settle(frame: AnyFrame, name: str | int, poses: ArrayLike, steps: int = 60, 
         name: the object's name, or its instance_id.
         poses: T_cam_obj [m], (4, 4) or (N, 4, 4); each moves by itself.
         steps: number of steps of 1/60 s, at most 10 000.
+        simulator: one of your own in place of Bullet, by its name or itself.
         sections: settings: ``physics={"collider": "hull"}``.
 
     Returns:
@@ -114,7 +129,7 @@ def settle(frame: AnyFrame, name: str | int, poses: ArrayLike, steps: int = 60, 
         InputError: there is no such object, no support plane, or a pose is none.
     """
     given, steps = checked_poses(poses), checked_count(steps, "steps", 1, MOST_STEPS)
-    tools, target = _object(frame, name, sections)
+    tools, target = _object(frame, name, with_parts(sections, simulator=simulator))
     support = target.observation.support
     if support is None or tools.simulator is None:
         raise InputError("nothing is simulated: no support plane is seen and no gravity is given, or physics is off")
@@ -127,14 +142,15 @@ def settle(frame: AnyFrame, name: str | int, poses: ArrayLike, steps: int = 60, 
 
 
 def estimate(
-    frame: AnyFrame, name: str | int, estimator: str = "ppf", n: int = 5, **sections: Mapping[str, Any]
+    frame: AnyFrame, name: str | int, estimator: AnyEstimator = "ppf", n: int = 5, **sections: Unpack[Sections]
 ) -> tuple[Hypothesis, ...]:
     """Find initial poses of an object from its segment.
 
     Args:
         frame: the frame.
         name: the object's name, or its instance_id.
-        estimator: ppf (point pair features), pcs (congruent point sets), densefusion, or one of your own.
+        estimator: ppf (point pair features), pcs (congruent point sets), densefusion, or one of your own, by its name
+            or itself.
         n: how many at most, up to 10 000.
         sections: settings: ``ppf={"step_m": 0.005}``.
 
@@ -144,9 +160,10 @@ def estimate(
     Raises:
         InputError: there is no such object, or the estimator lacks what it needs.
     """
-    n, estimator = checked_count(n, "n", 1, MOST_HYPOTHESES), checked_text(estimator, "estimator", "its name")
+    n = checked_count(n, "n", 1, MOST_HYPOTHESES)
+    estimator, parts = named_estimator(estimator)
     tools, target = _object(frame, name, sections)
-    return make_estimator(estimator, tools.session).hypotheses(target, n)
+    return make_estimator(estimator, tools.session, parts).hypotheses(target, n)
 
 
 def evaluate(results: Path | str | Sequence[Path | str], dataset: Path | str, split: str = "") -> Evaluation:

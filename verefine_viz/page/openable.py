@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,7 +63,7 @@ def path_of(what: Any, folder: Path) -> Path:
     Raises:
         InputError: it is nothing of these.
     """
-    if isinstance(what, str | Path):
+    if isinstance(what, str | os.PathLike):
         return expand_home(str(checked_path(what, "what", TAKES)))
     path = folder / f"run{SUFFIX}"
     if isinstance(what, RunRecord):

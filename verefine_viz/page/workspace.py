@@ -19,19 +19,17 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.records import Best
 from verefine_viz.core.settings import LABELLED, SURROUNDINGS, Change, Session
 from verefine_viz.core.text_format import first_of
-from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.methods.known_methods import method_of
 from verefine_viz.page.branch import Branch, Settings, group_by_section, merged
 from verefine_viz.page.data_check import DataCheck
 from verefine_viz.page.evaluator import CachedEvaluator
 from verefine_viz.page.grasp_trials import GraspTrials
 from verefine_viz.page.saved_session import Saved, edits_of_all
-from verefine_viz.run.engine import Run
 from verefine_viz.run.record import RunRecord
+from verefine_viz.run.record_data import recorded_problem, recorded_run, session_on_its_frame
 from verefine_viz.run.run_file import read_run_file
 from verefine_viz.run.run_header import session_of
 from verefine_viz.run.session_file import WITH_ITS_DATA, changed
-from verefine_viz.run.session_parts import estimators_of
 from verefine_viz.run.start_poses import starts_after, with_starts
 from verefine_viz.run.track import with_its_tracked
 from verefine_viz.run.variants import settings_between, sorted_changes, variant
@@ -177,10 +175,9 @@ class Workspace:
 
         record = read_recording(path)
         self.progress.checkpoint("Reading the scene: models, pictures, initial poses.")
-        session, frame = session_of(record.header), record.header.frame
-        session = structs.replace(session, scene=structs.replace(session.scene, frames=(frame,)))
+        session, frame = session_on_its_frame(record.header), record.header.frame
         tools = self.make_tools(session)
-        branch = self._recorded(path, record, tools, self._recorded_problem(record, tools))
+        branch = self._recorded(path, record, tools, recorded_problem(record, tools, self.make_tools))
         self.tools, self.path, self.frames, self.files, self.records = tools, None, (frame,), {}, no_records
         self.breakpoints = session.breakpoints
         self._works = {frame: FrameWork({branch.index: branch})}
@@ -403,7 +400,7 @@ class Workspace:
         session, frame = session_of(record.header), record.header.frame
         check_same_frame(path, (session, frame), (self.work.first.tools.session, self.frame))
         tools = self.make_tools(session)
-        return self._add(self._recorded(path, record, tools, self._recorded_problem(record, tools)))
+        return self._add(self._recorded(path, record, tools, recorded_problem(record, tools, self.make_tools)))
 
     def remove(self, branch: Branch) -> None:
         """Remove a branch.
@@ -454,20 +451,8 @@ class Workspace:
     def _read(self, tools: Toolbox, frame: str) -> Problem:
         return tools.problem(frame)
 
-    def _recorded_problem(self, record: RunRecord, tools: Toolbox) -> Problem:
-        """Read the frame of a record; with the initial poses of the record where their estimator is not there."""
-        frame, session = record.header.frame, tools.session
-        if not estimators_of(session) - ESTIMATORS.keys():
-            return self._read(tools, frame)
-        hypotheses = structs.replace(session.hypotheses, source="recorded", estimate=())
-        problem = self._read(self.make_tools(structs.replace(session, hypotheses=hypotheses)), frame)
-        pools = {one.instance_id: one.hypotheses for one in record.header.objects}
-        instances = (replace(i, hypotheses=pools.get(i.instance_id, ())) for i in problem.instances)
-        return replace(problem, instances=tuple(instances))
-
     def _recorded(self, path: Path, record: RunRecord, tools: Toolbox, problem: Problem) -> Branch:
-        ids = [one.instance_id for one in record.header.objects]
-        run = Run.from_record(record, problem, again=lambda: tools.run(problem.only(ids)))
+        run = recorded_run(record, tools, problem)
         folder = path.parent.parent if path.parent.name == "runs" else path.parent
         name = f"{folder.name}/{path.name}".removeprefix("/")
         return Branch(

@@ -10,7 +10,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError, ShapeError, unknown
 from verefine_viz.core.geometry import as_rigid, n_within_reach
 from verefine_viz.core.observation import Support
-from verefine_viz.core.own_parts import own_part
+from verefine_viz.core.own_parts import NO_PARTS, Lender, OwnParts
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import PoseSimulator, Simulator
@@ -29,18 +29,23 @@ def simulator_names() -> tuple[str, ...]:
     return (BULLET, *SIMULATORS)
 
 
-def make_simulator(settings: PhysicsSettings, progress: ProgressToken = NEVER_CANCELLED) -> Simulator | None:
+def make_simulator(
+    settings: PhysicsSettings, progress: ProgressToken = NEVER_CANCELLED, own: OwnParts = NO_PARTS
+) -> Simulator | None:
     """The simulator that the settings ask for; None where they switch physics off.
 
     Args:
         settings: of physics.
         progress: asked while Bullet's collider of a model is built.
+        own: parts of the caller, which come before others of their names.
 
     Raises:
         SettingsError: no simulator has that name; lists those that exist.
     """
     if not settings.enabled:
         return None
+    if settings.simulator in own.simulators:
+        return PluggedSimulator(settings.simulator, own.simulators[settings.simulator])
     if settings.simulator == BULLET:
         from verefine_viz.physics.simulator import BulletSimulator
 
@@ -60,7 +65,7 @@ class PluggedSimulator:
 
     def __init__(self, name: str, simulator: PoseSimulator) -> None:
         self.name = name
-        self._simulator = simulator
+        self._simulator, self._lender = simulator, Lender(f"simulator {name}")
 
     def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> SimulatedPath:
         """The path of ``moving`` over ``n_steps`` steps; it ends where the object leaves the reach of the camera.
@@ -71,8 +76,8 @@ class PluggedSimulator:
             PartError: it raises something.
         """
         who = f"simulator {self.name}"
-        with own_part(who):
-            poses: Float = np.asarray(self._simulator.settle(moving, fixed, support, n_steps), dtype=np.float64)
+        with self._lender.call(moving, fixed, support, n_steps) as lent:
+            poses: Float = np.asarray(self._simulator.settle(*lent), dtype=np.float64)
         if poses.shape != (n_steps + 1, 4, 4):
             raise ShapeError(f"{who} gave poses of shape {poses.shape} for {n_steps} steps, expected {n_steps + 1}×4×4")
         path = np.stack([as_rigid(T, f"pose {k} of {who}") for k, T in enumerate(poses)])

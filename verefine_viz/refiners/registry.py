@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.own_parts import NO_PARTS, OwnParts
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.settings import Session
@@ -85,12 +86,14 @@ WEIGHTS: dict[str, Callable[[Session], str]] = {
 """The hash of the weights of each learned refiner, by which recordings and run.json name them."""
 
 
-def make_refiner(name: str, session: Session) -> Refiner:
-    """The refiner of that name with the session's settings.
+def make_refiner(name: str, session: Session, own: OwnParts = NO_PARTS) -> Refiner:
+    """The refiner of that name with the session's settings; ``own``, parts of the caller, come before others.
 
     Raises:
         SettingsError: no refiner has that name; lists those that exist.
     """
+    if name in own.refiners:
+        return own.refiners[name]
     if name not in REFINERS:
         raise SettingsError(unknown("refiner", name, REFINERS))
     return REFINERS[name](session)

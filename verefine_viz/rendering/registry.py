@@ -9,7 +9,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError, ShapeError, UnavailableError, unknown
 from verefine_viz.core.geometry import apply, as_poses
-from verefine_viz.core.own_parts import own_part
+from verefine_viz.core.own_parts import NO_PARTS, Lender, OwnParts
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import PoseScorer, Verifier
@@ -26,17 +26,22 @@ def verifier_names() -> tuple[str, ...]:
     return (EQ_1, *VERIFIERS)
 
 
-def make_verifier(settings: ScoreSettings, progress: ProgressToken = NEVER_CANCELLED) -> Verifier:
+def make_verifier(
+    settings: ScoreSettings, progress: ProgressToken = NEVER_CANCELLED, own: OwnParts = NO_PARTS
+) -> Verifier:
     """The verifier that the settings ask for; ``auto`` takes OpenGL where it runs on a GPU, else the CPU rasteriser.
 
     Args:
         settings: of the score.
         progress: asked where the mesh of a model has to be made.
+        own: parts of the caller, which come before others of their names.
 
     Raises:
         SettingsError: no verifier has that name; lists those that exist.
         UnavailableError: ``renderer = "gl"``, and there is no usable OpenGL.
     """
+    if settings.verifier in own.verifiers:
+        return ScoringVerifier(settings, own.verifiers[settings.verifier])
     if settings.verifier != EQ_1:
         if settings.verifier not in VERIFIERS:
             raise SettingsError(unknown("verifier", settings.verifier, verifier_names()))
@@ -67,7 +72,7 @@ class ScoringVerifier:
     def __init__(self, settings: ScoreSettings, scorer: PoseScorer) -> None:
         self.settings = settings
         self.name = settings.verifier
-        self._scorer = scorer
+        self._scorer, self._lender = scorer, Lender(f"verifier {self.name}")
 
     def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
         """Scores of N poses (N, 4, 4).
@@ -113,8 +118,8 @@ class ScoringVerifier:
         """None, as :meth:`maps`."""
 
     def _scores(self, target: Target, Ts: Float, placed: Sequence[Placed]) -> Float:
-        with own_part(f"verifier {self.name}"):
-            scores = np.asarray(self._scorer.scores(target, Ts, placed), dtype=np.float64)
+        with self._lender.call(target, Ts, placed) as lent:
+            scores = np.asarray(self._scorer.scores(*lent), dtype=np.float64)
         if scores.shape != (len(Ts),):
             raise ShapeError(f"verifier {self.name} gave scores of shape {scores.shape} for {len(Ts)} poses")
         if np.any((scores < 0) | (scores > 1)):

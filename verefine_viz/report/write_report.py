@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from msgspec.structs import replace
+from msgspec import structs
 from rich.markup import escape
 
 from verefine_viz.batch.index import batch_of, find_runs
@@ -40,17 +40,23 @@ MOST_FILMS = 12
 
 
 @dataclass(frozen=True)
-class Written:
-    """What a report came to."""
+class Report:
+    """A report that was written."""
 
+    path: Path
+    """The HTML file."""
     headlines: tuple[str, ...]
+    """What it says first: counts, recall, or which of two is better."""
     notes: tuple[str, ...]
     """What is missing in it, and why."""
+
+    def __fspath__(self) -> str:
+        return str(self.path)
 
 
 @dataclass(frozen=True)
 class ReportTools:
-    """What works out and draws for a report; ``commands/report.py`` puts it together."""
+    """What works out and draws for a report; ``report_tools.py`` puts it together."""
 
     recalls_of: RecallsOf
     painter_of: Callable[[Gallery], Painter]
@@ -70,6 +76,29 @@ def print_report(
     Raises:
         VerefineError: a folder is no run, or the file cannot be written.
     """
+    with counted_bar("reading") as progress:
+        report = report_of(folder, other, out, embed, beside, pictures, tools, progress)
+    console = Terminal(highlight=False, soft_wrap=True)
+    for line in (*report.headlines, *report.notes):
+        console.print(escape(line))
+    console.print(escape(f"Report in {report.path} ({report.path.stat().st_size / 1e6:.1f} MB)"))
+
+
+def report_of(
+    folder: Path,
+    other: Path | None,
+    out: Path | None,
+    embed: int,
+    beside: int,
+    pictures: int,
+    tools: ReportTools,
+    progress: StepProgress,
+) -> Report:
+    """Write the report of one or two folders of runs; without ``out`` into the first.
+
+    Raises:
+        VerefineError: a folder is no run, or the file cannot be written.
+    """
     # A comparison does not take the place of the run's own report.
     name = f"report-against-{other.resolve().name}.html" if other else FILE_NAME
     folder = batch_of(folder)
@@ -81,13 +110,9 @@ def print_report(
     clear_parts(path.parent, path.name)
     selections = [find_runs(named) for named in (folder, other) if named is not None]
     runs = [run for selection in selections for run in selection.runs]
-    with counted_bar("reading") as progress:
-        fix = read_fix(folder) if other is None else None
-        written = write_report(runs, path, tools, len(runs) == len(selections), embed, beside, pictures, progress, fix)
-    console = Terminal(highlight=False, soft_wrap=True)
-    for line in (*written.headlines, *(s.note for s in selections if s.note), *written.notes):
-        console.print(escape(line))
-    console.print(escape(f"Report in {path} ({path.stat().st_size / 1e6:.1f} MB)"))
+    fix = read_fix(folder) if other is None else None
+    written = write_report(runs, path, tools, len(runs) == len(selections), embed, beside, pictures, progress, fix)
+    return replace(written, notes=(*(one.note for one in selections if one.note), *written.notes))
 
 
 def write_report(
@@ -100,7 +125,7 @@ def write_report(
     pictures: int = MOST_PICTURES,
     progress: StepProgress = lambda what, done, of: None,
     fix: FixTable | None = None,
-) -> Written:
+) -> Report:
     """Write the report of some runs.
 
     Args:
@@ -137,7 +162,7 @@ def write_report(
     for section in sections:
         compared |= wrong_in(*section.pair) if section.pair else {}
     rows = [
-        replace(
+        structs.replace(
             row,
             group=group_of[id(entry.row)],
             compared=compared.get(id(entry.row), ""),
@@ -154,7 +179,7 @@ def write_report(
         hello(0),
         FileMessage(command, "end", scene=False),
         message,
-        replace(answers, rows=rows),
+        structs.replace(answers, rows=rows),
     ]
     progress("writing", 0, 1)
     with atomic(path) as file:
@@ -166,7 +191,7 @@ def write_report(
     headlines = [f"{message.title}: {message.counted}."]
     for one in message.sections:
         headlines.append(f"{one.data}: {one.headline}" if len(message.sections) > 1 else one.headline)
-    return Written(tuple(headlines), tuple(dict.fromkeys(notes)))
+    return Report(path, tuple(headlines), tuple(dict.fromkeys(notes)))
 
 
 def _pictures(
@@ -250,7 +275,7 @@ def _frames(
             tools.write_shared(known, "", file)
             shown.files.update(dict.fromkeys(keys, f"{folder.name}/{file.name}"))
             continue
-        messages = [replace(one, run=run) if isinstance(one, FrameMessage) else one for one in known.messages]
+        messages = [structs.replace(one, run=run) if isinstance(one, FrameMessage) else one for one in known.messages]
         shown.elements.extend((*known.elements, part(f"part {done}", messages, known.answers)))
         shown.parts.update(dict.fromkeys(keys, done))
     return shown

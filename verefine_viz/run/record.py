@@ -203,6 +203,11 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
         return self.status != "failed" or self.obj_id is not None
 
     @property
+    def is_failure(self) -> bool:
+        """Whether there is no answer, or its ADD(-S) is not below 10 % of the diameter."""
+        return self.status != "ok" or self.is_correct is False
+
+    @property
     def is_waiting(self) -> bool:
         """Whether it stands for a frame that is still to be solved."""
         return self.message == WAITING
@@ -246,6 +251,18 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
         limit_mm = self.correct_below_mm
         return None if self.add_s_mm is None or limit_mm is None else self.add_s_mm < limit_mm
 
+    def __repr__(self) -> str:
+        if self.score is None:
+            return f"<Answer {self.name or 'without an object'} in {self.frame}: {self.message or self.status}>"
+        parts = [f"score {self.score:.2f}"]
+        if self.add_s_mm is not None:
+            verdict = "" if self.is_correct is None else "right, " if self.is_correct else "wrong, "
+            parts.append(f"{verdict}ADD(-S) {self.add_s_mm:.1f} mm")
+        elif self.undetermined_mm is not None and self.undetermined_deg is not None:
+            parts.append(f"undetermined by {self.undetermined_mm:.1f} mm and {self.undetermined_deg:.0f}°")
+        parts += [self.cause] if self.cause else []
+        return f"<Answer {self.name} in {self.frame}: {', '.join(parts)}>"
+
     @property
     def correct_below_mm(self) -> float | None:
         """The ADD(-S) from which on an answer is wrong [mm]; None where the diameter is unknown."""
@@ -275,8 +292,8 @@ class RunEnd(Struct, frozen=True, eq=False, kw_only=True):
 
     @property
     def is_failure(self) -> bool:
-        """Whether an object has no answer, or an ADD(-S) not below 10 % of the diameter."""
-        return any(answer.status != "ok" or answer.is_correct is False for answer in self.answers)
+        """Whether an answer is missing or wrong."""
+        return any(answer.is_failure for answer in self.answers)
 
     @property
     def can_be_mended(self) -> bool:
@@ -296,6 +313,10 @@ class RunRecord(Struct, frozen=True, eq=False):
     """Whether bytes in its file were changed, so that what follows them could not be read."""
     missing: str = ""
     """What of its file could not be read, a sentence; "" = nothing."""
+
+    def __repr__(self) -> str:
+        names = ", ".join(one.name for one in self.header.objects)
+        return f"<RunRecord of {self.header.frame}: {names or 'no object'}, {len(self.iterations)} iterations>"
 
     @property
     def is_complete(self) -> bool:

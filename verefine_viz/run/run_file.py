@@ -65,12 +65,11 @@ class RunFile:
         self.close()
         make_inside(self.path.parent)
         self._file = new_file(self.path)
-        # A record that was read from an older file is written as it is now.
-        self._write(MAGIC + framed(_HEADER + _ENCODER.encode(structs.replace(header, format=FORMAT))))
+        self._write(_beginning(header))
 
     def append(self, iteration: Iteration) -> None:
         """Raise InputError where the disk does not take it."""
-        self._write(framed(_ITERATION + _ENCODER.encode(thin(iteration))))
+        self._write(_entry(iteration))
 
     def finish(self, end: RunEnd) -> None:
         """Write how the run ended, and close the file.
@@ -129,6 +128,12 @@ def write_record(path: Path, record: RunRecord) -> None:
     if record.end is not None:
         file.finish(record.end)
     file.close()
+
+
+def encoded(record: RunRecord) -> bytes:
+    """The content of the file of a whole record; :func:`decoded` reads it."""
+    end = b"" if record.end is None else _ending(record.end)
+    return b"".join([_beginning(record.header), *map(_entry, record.iterations), end])
 
 
 def read_run_file(path: Path, with_iterations: bool = True) -> RunRecord:
@@ -196,6 +201,15 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
         why = "bytes in the middle are damaged" if entries.damage == _DAMAGED else "it was stopped or cut off"
         missing = f"the run ended early ({why}); {left}"
     return RunRecord(header, tuple(iterations), end, end is None and entries.damage == _DAMAGED, missing)
+
+
+def _beginning(header: RunHeader) -> bytes:
+    # A record that was read from an older file is written as it is now.
+    return MAGIC + framed(_HEADER + _ENCODER.encode(structs.replace(header, format=FORMAT)))
+
+
+def _entry(iteration: Iteration) -> bytes:
+    return framed(_ITERATION + _ENCODER.encode(thin(iteration)))
 
 
 def _ending(end: RunEnd) -> bytes:

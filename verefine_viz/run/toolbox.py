@@ -14,6 +14,7 @@ from verefine_viz.calibration.corrected_data import corrected
 from verefine_viz.core.errors import InputError, ShapeError, VerefineError, unknown
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
+from verefine_viz.core.own_parts import NO_PARTS, OwnParts
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Simulator, Verifier, Watcher
@@ -63,6 +64,7 @@ class Toolbox:
         verifier: what scores; None = what the session names.
         simulator: what simulates; None = what the session names.
         refiner: what refines, also in the roll-outs of a tree search; None = what the session names.
+        own: parts of the caller, which come before others of their names.
     """
 
     def __init__(
@@ -74,8 +76,9 @@ class Toolbox:
         verifier: Verifier | None = None,
         simulator: Simulator | None = None,
         refiner: Refiner | None = None,
+        own: OwnParts = NO_PARTS,
     ) -> None:
-        self.session = session
+        self.session, self._own = session, own
         self._progress = progress
         self._source, self._verifier, self._simulator, self._refiner = source, verifier, simulator, refiner
 
@@ -87,7 +90,7 @@ class Toolbox:
     def verifier(self) -> Verifier:
         if self._verifier is not None:
             return self._verifier
-        verifier = make_verifier(self.session.score, self._progress)
+        verifier = make_verifier(self.session.score, self._progress, self._own)
         if self.session.score.plausibility_weight == 0:
             return verifier
         return PlausibleVerifier(verifier, self._plausible_share, self.session.physics)
@@ -116,7 +119,7 @@ class Toolbox:
     @cached_property
     def simulator(self) -> Simulator | None:
         """None where the session switches physics off."""
-        return self._simulator or make_simulator(self.session.physics, self._progress)
+        return self._simulator or make_simulator(self.session.physics, self._progress, self._own)
 
     @cached_property
     def surfaces(self) -> Surfaces:
@@ -125,7 +128,7 @@ class Toolbox:
 
     @cached_property
     def refiner(self) -> Refiner:
-        return self._refiner or make_refiner(self.session.method.refiner, self.session)
+        return self._refiner or make_refiner(self.session.method.refiner, self.session, self._own)
 
     @cached_property
     def estimators(self) -> Mapping[str, Estimator]:
@@ -134,7 +137,8 @@ class Toolbox:
         Raises:
             SettingsError: there is none of that name.
         """
-        return {name: make_estimator(name, self.session) for name in sorted(estimators_of(self.session))}
+        names = sorted(estimators_of(self.session))
+        return {name: make_estimator(name, self.session, self._own) for name in names}
 
     @cached_property
     def point_pairs(self) -> Estimator:
@@ -149,7 +153,12 @@ class Toolbox:
             refiner = self._refiner or TrimmedIcp(tricp)
             pixels = ExplainedPixels(s.mcts.explained_m, s.score, progress=self._progress)
             return make_physim_mcts(
-                s.mcts, make_simulator(physics, self._progress), refiner, self.verifier, pixels, physics.steps
+                s.mcts,
+                make_simulator(physics, self._progress, self._own),
+                refiner,
+                self.verifier,
+                pixels,
+                physics.steps,
             )
         return make_method(s.method, self.simulator, self.refiner, self.verifier, s.physics.steps, self.flips)
 
@@ -345,12 +354,20 @@ class Toolbox:
             self.source,
             verifier=self.verifier if has_same_score else None,
             simulator=self.simulator if has_same_physics else None,
+            own=self._own,
         )
 
     def refined_by(self, refiner: Refiner) -> Toolbox:
         """Return a toolbox of this session with another refiner; all else is shared."""
-        parts = {"verifier": self.verifier, "simulator": self.simulator, "refiner": refiner}
-        return Toolbox(self.session, self._progress, self.source, **parts)
+        return Toolbox(
+            self.session,
+            self._progress,
+            self.source,
+            verifier=self.verifier,
+            simulator=self.simulator,
+            refiner=refiner,
+            own=self._own,
+        )
 
     @cached_property
     def _later(self) -> tuple[tuple[int, Toolbox], ...]:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.scenes.meshes import Mesh, ply_bytes
+from verefine_viz.scenes.meshes import Mesh
+from verefine_viz.trace import ply_bytes
 
 DEPTH_STEPS_MM = (0.1, 1.0)
 """Millimetres per step of the 16-bit depth images: the first in which the frame fits."""
@@ -48,7 +49,7 @@ def camera_entry(K: Float, step_mm: float, down_cam: Float | None) -> dict[str, 
 def model_file(mesh: Mesh, texture: Path) -> bytes:
     """The content of a model's PLY file, whose texture, where it has one, is the image ``texture`` beside it."""
     skin = None if mesh.texture is None else (texture.name, mesh.texture.uv)
-    return ply_bytes(mesh.vertices_m, mesh.faces, mesh.vertex_colors, skin)
+    return ply_bytes(1e3 * mesh.vertices_m, mesh.faces, mesh.vertex_colors, skin)
 
 
 def _R_cam_world(down_cam: Float) -> Float:

@@ -6,28 +6,36 @@ import io
 import logging
 import re
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
-from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import ContentError, InputError
+from verefine_viz.core.arguments import described
+from verefine_viz.core.arrays import Float, finite, frozen
+from verefine_viz.core.errors import ArgumentTypeError, ContentError, InputError
 from verefine_viz.core.files import id_of, reading
 from verefine_viz.core.model import Texture
 from verefine_viz.scenes.materials import MeshColours, MeshFiles, check_gltf, look_of
 from verefine_viz.scenes.mesh_surface import edges, merged, turned_outward
+from verefine_viz.trace import MESH
 
 FORMATS = (".ply", ".obj", ".glb", ".gltf", ".stl")
 """Looked for in this order."""
 
+Arrays: TypeAlias = tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, ArrayLike]
+"""Vertices (V, 3) and faces (F, 3) of a mesh, and colours (V, 3) as uint8 if it has any."""
+AnyMesh: TypeAlias = Path | str | trimesh.Trimesh | trimesh.Scene | Arrays
+"""A mesh file, or a mesh that is in memory."""
 MAX_HULL_POINTS = 4000
 """Hull vertices above which the diameter is taken from the extreme points of many directions."""
 
@@ -58,7 +66,7 @@ class Mesh:
     """Texture missing, …"""
     texture: Texture | None = None
 
-    @property
+    @cached_property
     def diameter_m(self) -> float:
         """Largest distance between two vertices [m]."""
         return largest_distance(self.vertices_m)
@@ -107,19 +115,67 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
     with reading(_mesh_file(path)) as file:
         beside = MeshFiles(path)
         vertices, faces, look = _loaded(file, path, beside)
-        colors, image, uv = (None, None, None) if look is None else (look.vertices, look.image, look.uv)
-        if not (np.unique(edges(faces), return_counts=True)[1] == 2).all():
-            vertices, faces, colors, is_whole = merged(vertices, faces, colors)
-            uv = None if uv is None else uv[is_whole]
-        if not len(faces):
-            raise ContentError("all its triangles are degenerate: it has no surface")
-        turned = turned_outward(vertices, faces)
-        faces = np.where(turned[:, None], faces[:, ::-1], faces)
-        skin = None if image is None or uv is None else Texture(image, np.where(turned[:, None, None], uv[:, ::-1], uv))
-        notes = tuple(f"{fault}; the model is drawn in one colour" for fault in beside.faults[:1]) or tuple(
-            beside.notes
-        )
-        return Mesh(vertices * unit_m, faces.astype(np.int32), colors, notes, skin)
+        return _put_right(vertices, faces, look, beside, unit_m)
+
+
+def mesh_of(given: trimesh.Trimesh | trimesh.Scene | Arrays, unit_m: float, name: str) -> Mesh:
+    """A mesh that is in memory, as :func:`read_mesh` has that of a file.
+
+    Args:
+        given: a mesh or a scene of trimesh; or vertices (V, 3), faces (F, 3), and colours (V, 3) as uint8 if there are
+            any.
+        unit_m: metres per unit of its vertices.
+        name: of what it is a mesh, in errors.
+
+    Raises:
+        InputError: it is none, has no triangles, or coordinates that are not finite.
+    """
+    beside = MeshFiles(Path.cwd())
+    try:
+        if isinstance(given, tuple | list):
+            parts = [_of_arrays(given)]
+        elif isinstance(given, trimesh.Scene):
+            parts = _parts_of(given)
+        elif isinstance(given, trimesh.Trimesh):
+            parts = [(given, given.visual)]
+        else:
+            raise ArgumentTypeError(f"mesh of {name} is {described(given)}, expected {MESH}")
+        beside.mesh = Path(f"mesh of {name}")
+        vertices, faces = _joined(parts)
+        return _put_right(vertices, faces, look_of(parts, beside), beside, unit_m)
+    except ContentError as error:
+        raise InputError(f"mesh of {name}: {error}") from None
+
+
+def _of_arrays(given: Sequence[Any]) -> tuple[trimesh.Trimesh, Any]:
+    if len(given) not in (2, 3):
+        raise ContentError(f"{len(given)} arrays, expected (vertices, faces) or (vertices, faces, colours)")
+    vertices = finite(given[0], "vertices", (None, 3))
+    faces = frozen(given[1], "faces", (None, 3), np.int64)
+    if not len(faces) or faces.min() < 0 or faces.max() >= len(vertices):
+        raise ContentError("no faces, or faces that name vertices that do not exist")
+    colours = None if len(given) < 3 or given[2] is None else np.asarray(given[2])
+    if colours is not None and (colours.dtype != np.uint8 or colours.shape[:1] != (len(vertices),)):
+        raise ContentError(f"colours are {colours.dtype} of shape {colours.shape}, expected uint8 of shape (V, 3)")
+    mesh = trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)
+    return mesh, mesh.visual
+
+
+def _put_right(
+    vertices: Float, faces: NDArray[np.integer], look: MeshColours | None, beside: MeshFiles, unit_m: float
+) -> Mesh:
+    """The mesh with coincident vertices merged where it is open, and faces turned outwards."""
+    colors, image, uv = (None, None, None) if look is None else (look.vertices, look.image, look.uv)
+    if not (np.unique(edges(faces), return_counts=True)[1] == 2).all():
+        vertices, faces, colors, is_whole = merged(vertices, faces, colors)
+        uv = None if uv is None else uv[is_whole]
+    if not len(faces):
+        raise ContentError("all its triangles are degenerate: it has no surface")
+    turned = turned_outward(vertices, faces)
+    faces = np.where(turned[:, None], faces[:, ::-1], faces)
+    skin = None if image is None or uv is None else Texture(image, np.where(turned[:, None, None], uv[:, ::-1], uv))
+    notes = tuple(f"{fault}; the model is drawn in one colour" for fault in beside.faults[:1]) or tuple(beside.notes)
+    return Mesh(vertices * unit_m, faces.astype(np.int32), colors, notes, skin)
 
 
 def read_geometry(path: Path) -> tuple[Float, NDArray[np.int32]]:
@@ -214,23 +270,11 @@ def _loaded(
         scene = trimesh.load_scene(
             source, kind[1:], resolver=beside or MeshFiles(path), process=False, skip_materials=beside is None
         )
-    parts: list[tuple[trimesh.Trimesh, Any]] = []
-    for node in scene.graph.nodes_geometry:
-        T, name = scene.graph[node]
-        if isinstance(scene.geometry[name], trimesh.Trimesh):
-            parts.append((scene.geometry[name].copy().apply_transform(T), scene.geometry[name].visual))
-    if sum(len(mesh.faces) for mesh, _ in parts) == 0:
-        raise ContentError("no triangles; a triangle mesh is expected, not a point cloud")
-    before = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in parts])
-    vertices = np.concatenate([np.asarray(mesh.vertices, dtype=np.float64) for mesh, _ in parts])
-    faces = np.concatenate([np.asarray(mesh.faces) + start for (mesh, _), start in zip(parts, before, strict=False)])
+    parts = _parts_of(scene)
+    vertices, faces = _joined(parts)
     promised = re.search(rb"^element\s+face\s+(\d+)", header, re.MULTILINE)
     if promised and len(faces) < int(promised[1]):
         raise ContentError(f"it ends after {len(faces)} of {int(promised[1])} faces; fetch it again")
-    if not np.abs(vertices).max() < LARGEST_COORDINATE:
-        raise ContentError(f"vertices that are NaN or beyond ±{LARGEST_COORDINATE:g}")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise ContentError("faces that name vertices that do not exist; fetch it again")
     if beside is None:
         return vertices, faces, None
     if header.count(b"TextureFile") > 1:
@@ -239,6 +283,30 @@ def _loaded(
         file.seek(0)
         check_gltf(file, scene, beside)
     return vertices, faces, look_of(parts, beside)
+
+
+def _parts_of(scene: trimesh.Scene) -> list[tuple[trimesh.Trimesh, Any]]:
+    """The meshes of a scene where they stand in it, each with its visual."""
+    parts: list[tuple[trimesh.Trimesh, Any]] = []
+    for node in scene.graph.nodes_geometry:
+        T, name = scene.graph[node]
+        if isinstance(scene.geometry[name], trimesh.Trimesh):
+            parts.append((scene.geometry[name].copy().apply_transform(T), scene.geometry[name].visual))
+    return parts
+
+
+def _joined(parts: Sequence[tuple[trimesh.Trimesh, Any]]) -> tuple[Float, NDArray[np.integer]]:
+    """Vertices and faces of all parts; ContentError where they are no mesh."""
+    if sum(len(mesh.faces) for mesh, _ in parts) == 0:
+        raise ContentError("no triangles; a triangle mesh is expected, not a point cloud")
+    before = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in parts])
+    vertices = np.concatenate([np.asarray(mesh.vertices, dtype=np.float64) for mesh, _ in parts])
+    faces = np.concatenate([np.asarray(mesh.faces) + start for (mesh, _), start in zip(parts, before, strict=False)])
+    if not np.abs(vertices).max() < LARGEST_COORDINATE:
+        raise ContentError(f"vertices that are NaN or beyond ±{LARGEST_COORDINATE:g}")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise ContentError("faces that name vertices that do not exist; fetch it again")
+    return vertices, faces
 
 
 def _check_ply(header: bytes) -> None:
@@ -256,50 +324,6 @@ def _check_ply(header: bytes) -> None:
         rb"^property\s+list\s+\S+\s+\S+\s+vertex_ind(?:ex|ices)\b", faces[1], re.MULTILINE
     ):
         raise ContentError("the PLY has no vertex_indices in its faces; expected a list of them")
-
-
-# Models as BOP has them: binary PLY files in millimetres, and their entries in models_info.json.
-
-
-def ply_bytes(
-    vertices_m: Float,
-    faces: NDArray[np.int32],
-    vertex_colors: NDArray[np.uint8] | None,
-    texture: tuple[str, NDArray[np.float32]] | None = None,
-) -> bytes:
-    """The content of a PLY file; coordinates are doubles, so that the vertices come back as they were.
-
-    Args:
-        vertices_m: (V, 3) [m]; millimetres in the file.
-        faces: (F, 3) vertex indices.
-        vertex_colors: (V, 3) RGB, or None.
-        texture: the name of its image beside the file, and where each face's corners lie in it (F, 3, 2), as
-            :class:`Texture` has them; or None.
-    """
-    fields: list[tuple[str, str]] = [("x", "<f8"), ("y", "<f8"), ("z", "<f8")]
-    if vertex_colors is not None:
-        fields += [("red", "u1"), ("green", "u1"), ("blue", "u1")]
-    vertices = np.empty(len(vertices_m), dtype=fields)
-    for k, axis in enumerate("xyz"):
-        vertices[axis] = vertices_m[:, k] * 1e3
-    if vertex_colors is not None:
-        for k, channel in enumerate(("red", "green", "blue")):
-            vertices[channel] = vertex_colors[:, k]
-    corners: list[Any] = [("n", "u1"), ("vertex_indices", "<i4", 3)]
-    comment = lists = ""
-    if texture is not None:
-        corners += [("n_uv", "u1"), ("texcoord", "<f4", 6)]
-        comment, lists = f"comment TextureFile {texture[0]}\n", "property list uchar float texcoord\n"
-    records = np.empty(len(faces), dtype=corners)
-    records["n"], records["vertex_indices"] = 3, faces
-    if texture is not None:
-        records["n_uv"], records["texcoord"] = 6, texture[1].reshape(-1, 6)
-    properties = "".join(f"property {'uchar' if kind == 'u1' else 'double'} {name}\n" for name, kind in fields)
-    header = (
-        f"ply\nformat binary_little_endian 1.0\n{comment}element vertex {len(vertices)}\n{properties}"
-        f"element face {len(records)}\nproperty list uchar int vertex_indices\n{lists}end_header\n"
-    )
-    return header.encode("ascii") + vertices.tobytes() + records.tobytes()
 
 
 def size_entry(vertices_m: Float, diameter_m: float) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import FARTHEST_M, as_rigid, distance_m, rotation_of_quat_wxyz, transform
 from verefine_viz.core.problem import Hypothesis, RecordedStep
 from verefine_viz.scenes.image_files import find_image, read_steps
-from verefine_viz.scenes.meshes import FORMATS, read_geometry
+from verefine_viz.scenes.meshes import FORMATS, Mesh, read_geometry
 
 LABEL = "label.txt"
 """File beside masks with the number of the object's pixels, where they hold those of several objects."""
@@ -33,8 +33,8 @@ class RecordedObject:
     """An object of a frame, and what another program did to its poses."""
 
     name: str
-    mesh: Path | None
-    """None where there is none."""
+    mesh: Path | Mesh | None
+    """A file, or one that is in memory; None where there is none."""
     unit_m: float
     """Metres per unit of the mesh file."""
     mask: Mask | None

@@ -41,6 +41,10 @@ class RecordedPose:
     """Its own, in its own units."""
 
 
+KnownModels = dict[tuple[object, ...], tuple[ObjectModel, tuple[str, ...]]]
+"""Models, each with notes on its mesh, by what they are made of."""
+
+
 class RecordedSource:
     """The frames of a recording that the settings name; the image number is that of its name where it has one.
 
@@ -48,18 +52,25 @@ class RecordedSource:
         scene: which frames and objects; ``dataset`` is absolute.
         hypotheses: where initial poses come from.
         given: the recording; None = what lies at ``dataset``.
+        models: gets the models that are made, which it may have already.
 
     Raises:
         VerefineError: the folder holds nothing of the kind, or a frame or an object does not exist.
     """
 
-    def __init__(self, scene: SceneSettings, hypotheses: HypothesesSettings, given: Recording | None = None) -> None:
+    def __init__(
+        self,
+        scene: SceneSettings,
+        hypotheses: HypothesesSettings,
+        given: Recording | None = None,
+        models: KnownModels | None = None,
+    ) -> None:
         self._given = given
         if not scene.dataset and given is None:
             raise SettingsError(f'scene.dataset is empty; set it to the folder of scene.source = "{scene.source}"')
         self._scene, self._hypotheses = scene, hypotheses
         self._results = results_of(hypotheses)
-        self._models: dict[tuple[str, int], tuple[ObjectModel, tuple[str, ...]]] = {}
+        self._models: KnownModels = {} if models is None else models
         self._read()
         check_asked(hypotheses, self._check_frame)
         for frame in scene.frames:
@@ -204,14 +215,19 @@ class RecordedSource:
         Raises:
             InputError: it has no mesh, or one that cannot be read.
         """
-        if one.mesh is None or not one.mesh.is_file():
+        if one.mesh is None or (isinstance(one.mesh, Path) and not one.mesh.is_file()):
             place = "" if one.mesh is None else f" at {one.mesh}"
             raise InputError(f"it has no mesh{place}; expected a PLY, OBJ, GLB or STL file")
-        key = (one.name, one.mesh.stat().st_size)
+        scene = self._scene
+        key = (
+            one.name,
+            one.mesh.stat().st_size if isinstance(one.mesh, Path) else one.mesh,
+            obj_id,
+            (scene.model_points, scene.seed, scene.model_sampling),
+        )
         if key not in self._models:
-            mesh = read_mesh(one.mesh, one.unit_m)
+            mesh = read_mesh(one.mesh, one.unit_m) if isinstance(one.mesh, Path) else one.mesh
             turns = None if one.symmetry_axis is None else _turns(one.symmetry_axis, mesh, one.name)
-            scene = self._scene
             model = model_of_mesh(
                 mesh, obj_id, one.name, scene.model_points, scene.seed, turns, sampling=scene.model_sampling
             )

@@ -238,7 +238,7 @@ class _OfRecording:
                 continue
             for one in objects:
                 missing.discard(one.name)
-                if one.mesh is not None and one.mesh.is_file():
+                if isinstance(one.mesh, Path) and one.mesh.is_file():
                     files.setdefault(one.name, MeshFile(one.name, one.mesh, one.unit_m))
             if not missing:
                 break
