@@ -52,7 +52,7 @@ class Moment(Struct, frozen=True, eq=False):
             "against": "What speaks against it",
         }
         at = ends.get(self.kind) or (f"Iteration {self.iteration}" if self.iteration else "Start")
-        of = f", hypothesis {self.arm + 1}" if self.arm is not None else ""
+        of = f", hyp. {self.arm + 1}" if self.arm is not None else ""
         return f"{at}{f', {self.kind}' if self.kind in ('before', 'after') else ''}{of}"
 
     @property

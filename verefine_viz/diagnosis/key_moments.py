@@ -20,6 +20,8 @@ from verefine_viz.run.record import Answer, ObjectHeader, RunRecord
 
 MOST_WORDS = 12
 """Of a caption."""
+GIVEN_UP = 0.05
+"""A pose that scores so much more than the answer was given up."""
 BY_SIMULATION = (Cause.SIMULATION, Cause.PLANE, Cause.COLLIDER, Cause.NEIGHBOUR, Cause.IMPOSSIBLE)
 """Causes that show in what the simulation did; others show in what the refiner did."""
 FROM_START = (Cause.POOL, Cause.OUT_OF_RANGE, Cause.UNIT)
@@ -83,18 +85,20 @@ class _Story:
         at = {i.index: i for i in own}
         self._made = at.get(answer.best_iteration or 0)
         """The iteration that made the answer; None: it is an initial pose."""
-        rise = self._largest_rise() if self._main.cause == "" or self._truth is None else None
-        self._decisive = at.get(self._main.iteration or 0) or rise or self._made or own[-1]
+        change = self._largest_change() if self._main.cause == "" or self._truth is None else None
+        self._decisive = at.get(self._main.iteration or 0) or change or self._made or own[-1]
 
-    def _largest_rise(self) -> Iteration | None:
-        """The iteration that raised the object's best score most; None where none did, or that is not kept."""
-        most, rise = 0.0, None
-        best = max((score.score for score in self._one.initial), default=1.0)
-        for i in self._own:
-            if i.best.score.score - best > most:
-                most, rise = i.best.score.score - best, i
-            best = max(best, i.best.score.score)
-        return rise
+    def _largest_change(self) -> Iteration | None:
+        """The iteration that raised the object's score most, or lowered it most where a better pose was given up.
+
+        None where none did, or that is not kept.
+        """
+        scores = [max((score.score for score in self._one.initial), default=1.0)]
+        scores += [i.best.score.score for i in self._own]
+        changes = np.diff(scores)
+        if max(scores) - scores[-1] > GIVEN_UP:
+            return self._own[int(np.argmin(changes))]
+        return self._own[int(np.argmax(changes))] if changes.max() > 0 else None
 
     def moments(self) -> tuple[Moment, ...]:
         """All of them, in the order of their iterations."""
@@ -246,7 +250,7 @@ class _Story:
         if self._truth is None:
             if self._answer.doubts and not words:
                 words = f"Look at the data: {self._answer.doubts[0]}"
-            if self._other is not None:
+            if self._other is not None and self._main.cause in ("", Cause.AMBIGUOUS, Cause.SYMMETRIC):
                 drawn = [("runner-up", self._other), ("best", self._T)]
                 return self._moment("also_fits", at, None, drawn, words or "This pose fits as well")
             return self._end("against", words or "Nothing in sight speaks against it", "difference")

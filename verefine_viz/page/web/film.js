@@ -42,6 +42,7 @@ export function Film() {
   const film = judged?.film ?? [];
   const pictures = useWant(film.length && !folded ? wantOf(moment.branch, judged) : null, "film");
   if (!film.length) return null;
+  const current = film.findIndex((one) => one.k === moment.k && one.stage === stage);
   const urls = pictures && "urls" in pictures ? pictures.urls : [];
   return html`<section class=${`film ${folded ? "folded" : ""}`} aria-label="Film">
     <div class="fold">
@@ -51,7 +52,7 @@ export function Film() {
         <${Button} title="Save the film as an animation" onClick=${() => save(judged.obj, "_film.gif")}>GIF<//>`}
     </div>
     ${!folded && html`<div class="moments">${film.map((one, i) => html`<button type="button" key=${i}
-      class=${`moment ${one.k === moment.k && one.stage === stage ? "current" : ""}`} title=${`${one.title}: ${one.caption}`}
+      class=${`moment ${i === current ? "current" : ""}`} title=${`${one.title}: ${one.caption}`}
       onClick=${(/** @type {MouseEvent & { currentTarget: HTMLElement }} */ e) => { e.currentTarget.blur(); show(judged, one); }}>
       <b class="line">${one.title}</b>
       <span class="line">${one.legend.map(([name, color]) => html`<i><${Swatch} color=${hex(color)} />${name}</i>`)}</span>
