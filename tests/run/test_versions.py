@@ -33,7 +33,7 @@ def test_another_build_of_a_package_is_named_and_what_is_absent_is_missing(monke
 
 def test_the_version_stands_once_and_a_foreign_build_is_one_that_was_compared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    assert project["project"]["dynamic"] == ["version"]
+    assert "version" in project["project"]["dynamic"]
     assert "version" not in project["project"]
     needed = [line for line in project["project"]["dependencies"] if line.startswith(OTHER_BUILDS["pybullet"])]
     assert len(needed) == 1

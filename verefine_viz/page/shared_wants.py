@@ -69,7 +69,7 @@ class SharedBranch:
                 yield from self._maps_of(0, obj, self._truths.get(obj), *(arm.T for arm in arms))
             if obj in self._focus and obj in self._answers:
                 yield from self._of_answer(obj)
-        if self._answers:
+        if any(obj in self._focus for obj in self._answers):
             yield {"what": "sequence", "run": "", "scene": None, "done": 1}
         for k in range(len(self._doubts)):
             yield {"what": "doubt", "index": k, "branch": self._branch.index}
