@@ -26,6 +26,8 @@ from tests.page.fake_tools import FakeTools
 from tests.page.made_batch import make_batch
 from verefine_viz.batch.completeness import check_files, write_tables
 from verefine_viz.batch.index import read_batch
+from verefine_viz.batch.kept_recordings import KeptRecordings
+from verefine_viz.commands.report import report_tools
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.page.answers_to_wants import GoneAnswer
@@ -154,7 +156,7 @@ def compare(folder: Path, file: Path) -> None:
 
 
 def resume(folder: Path, file: Path) -> None:
-    files = check_files(folder, FRAMES, "none")
+    files = check_files(folder, FRAMES, KeptRecordings("none", len(FRAMES)))
     assert not any(RAW.search(text) for text in files.damaged), files.damaged
     files.totals.as_json(len(FRAMES))
     write_tables(folder, FRAMES)

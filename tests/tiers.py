@@ -17,6 +17,8 @@ from typing import Any
 
 import pytest
 
+from verefine_viz.run import kernels_ahead
+
 BROWSER = Path(__file__).parent / "browser"
 MAKES_SLOW = {"processes", "long_run"}
 PROCESS_EVENTS = {"subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system"}
@@ -78,6 +80,7 @@ class Guard:
         with pytest.MonkeyPatch.context() as patch:
             if tier(item) == "fast":
                 patch.setenv("XDG_CACHE_HOME", self._cache.name)
+                patch.setattr(kernels_ahead, "compile_ahead", lambda session, processes=None: None)
             return (yield)
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)

@@ -6,11 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.batch.frames import PoolHere, batch_here, make_frames, write_session
 from tests.fakes import box_problem
 from tests.recording.runs import ending, new_run, recorded_run, session
 from verefine_viz import cli
-from verefine_viz.batch import solve_frame
+from verefine_viz.batch import draw_recordings, solve_frame
 from verefine_viz.recording import verify
+from verefine_viz.recording.reader import read_recording
+from verefine_viz.recording.recording_file import chunks_of
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.run.engine import Run
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_header import session_of
@@ -71,3 +75,39 @@ def test_the_viewer_shows_one(folder: Path, capsys: pytest.CaptureFixture[str]) 
     said = capsys.readouterr().err
     assert said.startswith("verefine-viz: 2 recordings are more than the viewer's one; --verify compares any number")
     assert said.count("\n") == 1
+
+
+@pytest.mark.usefixtures("processes")
+def test_recordings_that_a_batch_has_not_kept_are_drawn_from_its_run_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = make_frames(tmp_path / "data", 2)
+    for name, keep in (("kept", "all"), ("none", "none")):
+        settings = write_session(tmp_path, made, recording={"keep": keep})
+        assert batch_here(settings, tmp_path / name, "--workers", "1").returncode == 0
+    monkeypatch.setattr(draw_recordings, "Pool", PoolHere)
+    assert cli.main(["replay", str(tmp_path / "none"), "--draw", "--workers", "1"]) == 0
+    for kept in (tmp_path / "kept/recordings").iterdir():
+        drawn = tmp_path / "none/recordings" / kept.name
+        assert drawn_entities(drawn) == drawn_entities(kept)
+        assert first_difference(read_recording(drawn).iterations, read_recording(kept).iterations) is None
+    capsys.readouterr()
+    assert cli.main(["replay", str(tmp_path / "none"), "--draw", "--workers", "1"]) == 0
+    assert "all are there" in capsys.readouterr().out
+    run, out = tmp_path / "none/runs/000007_000001.vfrun", tmp_path / "one.rrd"
+    assert cli.main(["replay", str(run), "--draw", "--out", str(out), "--workers", "1"]) == 0
+    assert drawn_entities(out)
+    # What cannot be drawn is named.
+    run.write_bytes(b"no run")
+    out.unlink()
+    assert cli.main(["replay", str(run), "--draw", "--out", str(out), "--workers", "1"]) == 1
+    assert not out.exists()
+    assert "is no run file" in capsys.readouterr().err
+
+
+def drawn_entities(path: Path) -> dict[str, int]:
+    """How many rows each entity has."""
+    rows: dict[str, int] = {}
+    for chunk in chunks_of(path):
+        rows[chunk.entity_path] = rows.get(chunk.entity_path, 0) + chunk.num_rows
+    return rows

@@ -10,11 +10,11 @@ import pytest
 
 from tests.fakes import FakeVerifier, box_problem
 from tests.recording.runs import n_drawn, new_run, recorded_run, run_file, session
+from verefine_viz.recording.draw_run_file import RunDrawer
 from verefine_viz.recording.entities import CURVES
 from verefine_viz.recording.reader import read_recording
-from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.recorder import BLOCK_WITH_MAPS, Recorder
 from verefine_viz.recording.recording_file import chunks_of
-from verefine_viz.recording.rerun_viewer import drawn
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.run.engine import Run
 from verefine_viz.run.run_file import as_read, read_run_file
@@ -23,6 +23,13 @@ from verefine_viz.run.toolbox import Toolbox
 pytestmark = pytest.mark.usefixtures("processes")
 
 ROOT = Path(__file__).resolve().parents[2]
+
+
+def drawn(run: Path, folder: Path) -> Path:
+    """The recording of a run file, drawn afterwards."""
+    recording = folder / "run.rrd"
+    RunDrawer().draw(run, recording)
+    return recording
 
 
 def killed_run(path: Path, n_iterations: int, maps: bool) -> int:
@@ -52,7 +59,7 @@ def test_a_killed_run_keeps_all_its_iterations_and_what_is_not_drawn_can_be(
         assert first_difference(iteration, as_read(run.step())) is None
     # The recording itself is there up to its last block.
     assert len(chunks_of(path)) > 5
-    assert n_drawn(path) == (len(record.iterations) // 10 * 10 if maps else 0)
+    assert n_drawn(path) == (len(record.iterations) // BLOCK_WITH_MAPS * BLOCK_WITH_MAPS if maps else 0)
     if not maps:
         monkeypatch.setattr(Toolbox, "problem", lambda self, frame: box_problem(3))
         (tmp_path / "out").mkdir()

@@ -13,14 +13,13 @@ from PIL import Image
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem, seen_at
 from tests.recording.runs import enlarged, new_run, recorded_run, session
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.palette import CLASS_COLORS
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.scores import PixelGrid, ScoreMaps
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.evaluation.pose_axes import N_AXES
 from verefine_viz.methods.registry import make_method
 from verefine_viz.recording import entities
-from verefine_viz.recording.maps import GAP_PX, MAP_NAMES, TILE_PX
+from verefine_viz.recording.maps import MAP_NAMES, TILE_PX, compared
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.run.engine import Run
@@ -49,49 +48,63 @@ class NoisyVerifier(FakeVerifier):
         return maps if at is None else seen_at(maps, at)
 
 
-def pictures(path: Path, name: str) -> dict[int, np.ndarray]:
-    """RGB pictures of a map by iteration, in the colours that the recording gives its indices."""
+def images(path: Path, entity: str) -> dict[int, np.ndarray]:
+    """The images of a map by iteration: numbers, classes, or colours."""
     rows: dict[int, dict[str, Any]] = {}
-    palette = np.zeros((256, 3), np.uint8)
     for chunk in chunks_of(path):
-        if chunk.entity_path == f"{entities.MAPS}/{name}":
-            batch: Any = chunk.to_record_batch()
-            if chunk.is_static:
-                for entry in batch.column("AnnotationContext:context").to_pylist()[0][0]:
-                    color = entry["class_description"]["info"]["color"]
-                    palette[entry["class_id"]] = [color >> 24 & 255, color >> 16 & 255, color >> 8 & 255]
-                continue
-            for row in batch.to_pylist():
-                rows[row["iteration"]] = row
-    return {k: picture(row, palette) for k, row in rows.items()}
+        if chunk.entity_path == entity and not chunk.is_static:
+            rows |= {row["iteration"]: row for row in chunk.to_record_batch().to_pylist()}
+    return {k: image(row) for k, row in rows.items()}
 
 
-def picture(row: dict[str, Any], palette: np.ndarray) -> np.ndarray:
-    """A row as RGB."""
+def image(row: dict[str, Any]) -> np.ndarray:
     if "EncodedImage:blob" in row:
         return np.asarray(Image.open(io.BytesIO(bytes(row["EncodedImage:blob"][0]))).convert("RGB"))
-    (size,) = row["SegmentationImage:format"]
-    indices = np.array(row["SegmentationImage:buffer"][0], np.uint8)
-    return palette[indices.reshape(size["height"], size["width"])]
+    kind, dtype = ("DepthImage", np.float16) if "DepthImage:buffer" in row else ("SegmentationImage", np.uint8)
+    (size,) = row[f"{kind}:format"]
+    return np.array(row[f"{kind}:buffer"][0], np.uint8).view(dtype).reshape(size["height"], size["width"])
 
 
-def test_every_iteration_has_every_map(tmp_path: Path) -> None:
+def test_every_iteration_has_every_map_of_both_poses(tmp_path: Path) -> None:
     problem = box_problem(2, 2)
     one, blind = problem.instances
     blind = replace(blind, mask=np.zeros((60, 80), bool), points_cam=np.zeros((0, 3)))  # Shown in the whole image.
     run = recorded_run(tmp_path / "run.rrd", session(iterations=2), replace(problem, instances=(one, blind)))
     for name in MAP_NAMES:
-        found = pictures(tmp_path / "run.rrd", name)
-        assert sorted(found) == [i.index for i in run.iterations]
-        assert {p.shape for p in found.values()} == {(TILE_PX, 2 * TILE_PX + GAP_PX, 3)}
-    assert sorted(pictures(tmp_path / "run.rrd", "observed")) == [1, 5], "once per object"
+        for when in entities.COMPARED:
+            found = images(tmp_path / "run.rrd", entities.pose_map(name, when))
+            assert sorted(found) == [i.index for i in run.iterations]
+            assert {p.shape for p in found.values()} == {(TILE_PX, TILE_PX)}
+    assert sorted(images(tmp_path / "run.rrd", entities.OBSERVED_COLOUR)) == [1, 5], "once per object"
 
 
-def test_class_picture_shows_the_mask_in_its_colour(tmp_path: Path) -> None:
+def test_maps_hold_the_numbers_of_the_score(tmp_path: Path) -> None:
+    s, problem, verifier = session(iterations=2), box_problem(1), NoisyVerifier()
+    recorder = Recorder(tmp_path / "run.rrd", s, problem, lambda _: verifier)
+    run = new_run(s, problem, (recorder,))
+    run.finish()
+    recorder.close()
+    target, (first, *_) = problem.targets[0], run.iterations
+    expected = {"difference": 1e3, "angle": np.degrees(1), "f_d": 1.0, "f_n": 1.0, "rendered": 1.0}
+    for when, stage in zip(entities.COMPARED, compared(first), strict=True):
+        maps = verifier.maps(target, stage.T_cam_obj)
+        values = {
+            "difference": maps.depth_difference_m, "angle": maps.angle_rad, "f_d": maps.f_d, "f_n": maps.f_n,
+            "rendered": maps.rendered_m,
+        }  # fmt: skip
+        for name, factor in expected.items():
+            drawn = images(tmp_path / "run.rrd", entities.pose_map(name, when))[1]
+            shown = drawn[np.isfinite(drawn)]
+            assert len(shown) > 100, name
+            # Every pixel that is drawn is one of the map.
+            there = np.unique((factor * values[name][maps.counted]).astype(np.float16))
+            assert np.isin(shown, there).all(), name
+
+
+def test_class_picture_shows_the_mask(tmp_path: Path) -> None:
     problem = box_problem(1)
     recorded_run(tmp_path / "run.rrd", session(iterations=1), problem)
-    left = pictures(tmp_path / "run.rrd", "classes")[1][:, :TILE_PX]
-    explained = (left == CLASS_COLORS["explained"]).all(axis=-1)
+    explained = images(tmp_path / "run.rrd", entities.pose_map("classes", "before"))[1] == 1
     v, u = np.nonzero(problem.instances[0].mask)
     side = 1.5 * max(np.ptp(v), np.ptp(u))
     assert explained.mean() == pytest.approx(len(v) / side**2, rel=0.1)
@@ -116,7 +129,7 @@ def sizes(folder: Path, maps: bool, iterations: int) -> tuple[int, int]:
 
 
 @pytest.mark.usefixtures("long_run")
-@pytest.mark.parametrize(("maps", "most"), [(True, 60 * KB), (False, 2 * KB)])
+@pytest.mark.parametrize(("maps", "most"), [(True, 100 * KB), (False, 2 * KB)])
 def test_an_iteration_is_small(tmp_path: Path, maps: bool, most: int) -> None:
     few, many = sizes(tmp_path, maps, 4), sizes(tmp_path, maps, 14)
     assert few[1] < many[1]
@@ -136,7 +149,7 @@ def test_maps_are_those_of_the_score_of_the_iteration(tmp_path: Path) -> None:
     recorder.close()
     assert seen == [1, 2, 3, 4, 4]  # The last once more, for the score landscape at the end.
     # What the sensor saw is cut out once for each score that it is compared by.
-    observed = [c for c in chunks_of(tmp_path / "run.rrd") if c.entity_path == f"{entities.MAPS}/observed"]
+    observed = [c for c in chunks_of(tmp_path / "run.rrd") if c.entity_path == entities.OBSERVED_COLOUR]
     assert len(observed) == 2
 
 

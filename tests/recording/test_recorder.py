@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rerun.chunk import RrdReader
 
 from tests.changing import replace
 from tests.fakes import box_problem
@@ -12,7 +14,7 @@ from tests.recording.runs import n_drawn, new_run, recorded_run, session
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.pose_errors import pose_errors
-from verefine_viz.recording.entities import CHOICE, CURVES
+from verefine_viz.recording.entities import CHOICE, CURVES, PROPERTIES, hypotheses
 from verefine_viz.recording.iteration_text import plain
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
@@ -52,17 +54,18 @@ def test_drawn_errors_are_those_of_the_evaluation(tmp_path: Path, symmetric: boo
     run = recorded_run(tmp_path / "run.rrd", session("sir"), problem)
     T_gt = problem.instances[0].T_cam_obj_gt
     assert T_gt is not None
-    drawn = curve(tmp_path / "run.rrd", f"{CURVES}/error/0_box")
+    names = ("rotation_deg", "translation_mm", "add_s_mm")
+    drawn = zip(*(curve(tmp_path / "run.rrd", f"{CURVES}/error/0_box/{name}") for name in names), strict=True)
     for errors, iteration in zip(drawn, run.iterations, strict=True):
         kept = pose_errors(problem.models[1], iteration.accepted_stage.T_cam_obj, T_gt)
         best = pose_errors(problem.models[1], iteration.best.T_cam_obj, T_gt)
         assert errors == pytest.approx([kept.rotation_deg, kept.translation_mm, best.add_s_mm], abs=1e-5)
 
 
-def curve(path: Path, entity: str) -> list[list[float]]:
-    """The numbers of a group of curves, iteration by iteration."""
+def curve(path: Path, entity: str) -> list[float]:
+    """The numbers of a curve, iteration by iteration."""
     chunks: list[Any] = [c for c in chunks_of(path) if c.entity_path == entity and not c.is_static]
-    return [row for c in chunks for row in c.to_record_batch().column("Scalars:scalars").to_pylist()]
+    return [value for c in chunks for (value,) in c.to_record_batch().column("Scalars:scalars").to_pylist()]
 
 
 def test_the_panel_says_of_an_iteration_what_the_page_says(tmp_path: Path) -> None:
@@ -95,6 +98,42 @@ def test_unwritable_folder_is_one_line(tmp_path: Path) -> None:
     s, problem = session(), box_problem()
     with pytest.raises(InputError, match=r"^cannot write to .*/file: .* is a file, not a folder$"):
         new_run(s, problem, (Recorder(tmp_path / "file" / "run.rrd", s, problem),))
+
+
+def test_a_recording_is_called_after_what_it_is_of_and_says_what_came_of_it(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "run.rrd", session("rir"), box_problem(3))
+    with warnings.catch_warnings(action="ignore"):  # That a file has no index.
+        (recording,) = RrdReader(tmp_path / "run.rrd").recordings()
+    assert recording.recording_id == "boxes/0/1/rir/seed 0"
+    found: dict[str, object] = {}
+    for chunk in chunks_of(tmp_path / "run.rrd"):
+        if chunk.entity_path == PROPERTIES:
+            found |= chunk.to_record_batch().to_pylist()[0]
+    said = {name.rpartition(":")[2]: value for name, value in found.items()}
+    assert said["method"] == ["rir"]
+    assert said["status"] == ["ok"]
+    assert np.isnan(said["score"]).all()
+    assert {"add_s_mm", "cause", "object"} <= said.keys()
+
+
+def test_all_of_a_recording_can_be_a_table(tmp_path: Path) -> None:
+    """Unions, which tensors are made of, are the one kind of column that pandas and others cannot take."""
+    recorded_run(tmp_path / "run.rrd", session("rir"), box_problem(3))
+    for chunk in chunks_of(tmp_path / "run.rrd"):
+        for field in chunk.to_record_batch().schema:
+            assert "union" not in str(field.type), (chunk.entity_path, field.name)
+
+
+def test_hypotheses_are_hidden_when_the_run_is_over(tmp_path: Path) -> None:
+    run = recorded_run(tmp_path / "run.rrd", problem=box_problem(3))
+    cleared = [
+        row["iteration"]
+        for c in chunks_of(tmp_path / "run.rrd")
+        if c.entity_path == hypotheses("0_box")
+        for row in c.to_record_batch().to_pylist()
+        if row.get("Clear:is_recursive") is not None
+    ]
+    assert cleared == [run.length]
 
 
 def test_hostile_names_stay_in_their_branch(tmp_path: Path) -> None:

@@ -53,9 +53,12 @@ def test_a_hypothesis_that_the_method_adds_is_one_of_the_recorded(tmp_path: Path
     pools = [instance.hypotheses for instance in run.problem.instances]
     assert [len(one.hypotheses) for one in header.objects] == [len(pool) for pool in pools] == [3, 3]
     entity = f"{entities.CURVES}/score/0_box"
-    names = [row for row in column(tmp_path / "run.rrd", entity, "SeriesLines:names") if row]
-    scores = column(tmp_path / "run.rrd", entity, "Scalars:scalars")
-    assert {len(row) for row in scores} == {len(names[0])}
+    names = [
+        column(tmp_path / "run.rrd", f"{entity}/{name}", "SeriesLines:names") for name in ("h1", "h2", "h3", "best")
+    ]
+    assert names == [[["hypothesis 1"]], [["hypothesis 2"]], [["hypothesis 3"]], [["best"]]]
+    for name in ("h1", "h2", "h3", "best"):
+        assert {len(row) for row in column(tmp_path / "run.rrd", f"{entity}/{name}", "Scalars:scalars")} == {1}
 
 
 @pytest.mark.parametrize("clusters", [((1, 0, 2),), ((0, 1), (2,)), ((0,), (1,), (2,))])

@@ -6,20 +6,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import BinaryIO
 
+from verefine_viz.batch.kept_recordings import KeptRecordings
 from verefine_viz.batch.runs import Runs, file_stem
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.files import opened
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.run.answers import HEADER, result_rows, table_lines, write_table
-from verefine_viz.run.record import RunEnd, RunRecord
+from verefine_viz.run.record import RunRecord
 from verefine_viz.scenes.results_csv import HEADER as RESULTS_HEADER
 from verefine_viz.scenes.results_csv import results_line, write_results
 
 TABLES = ("frames.csv", "results.csv")
-Keep = Literal["all", "failures", "none"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,12 @@ class BatchFiles:
     """Finished frames that another try may do better."""
     without_recording: tuple[str, ...] = ()
     """Finished frames whose recording should be there and is not."""
+    n_recorded: int = 0
+    """Finished frames whose recording is there."""
+    n_not_kept: int = 0
+    """Finished frames whose recording is not there, and need not be."""
+    recorded_bytes: int = 0
+    """Size of the recordings."""
     other_tables: tuple[str, ...] = ()
     """Tables that are missing, or are not what the run files say."""
 
@@ -68,19 +74,21 @@ class BatchFiles:
         )
 
 
-def check_files(folder: Path, frames: Sequence[str], keep: Keep) -> BatchFiles:
+def check_files(folder: Path, frames: Sequence[str], kept: KeptRecordings) -> BatchFiles:
     """What of ``frames`` is in the batch folder ``folder``, read once from the first to the last.
 
     Args:
         folder: the batch folder; it need not be there.
         frames: all of the session.
-        keep: which recordings there should be.
+        kept: which recordings there should be.
     """
     runs, totals = Runs(folder / "runs"), Totals()
-    recorded = {file.name for file in (folder / "recordings").glob("*.rrd")}
+    recorded = {file.name: file.stat().st_size for file in (folder / "recordings").glob("*.rrd")}
+    n_recorded = n_not_kept = 0
     missing, damaged, can_be_mended, without_recording = list[str](), list[str](), list[str](), list[str]()
 
     def records() -> Iterator[RunRecord]:
+        nonlocal n_recorded, n_not_kept
         for frame in frames:
             try:
                 record = runs.entry(frame)
@@ -92,8 +100,12 @@ def check_files(folder: Path, frames: Sequence[str], keep: Keep) -> BatchFiles:
                 continue
             if record.end.can_be_mended:
                 can_be_mended.append(frame)
-            if _is_recorded(record.end, keep) and f"{file_stem(frame)}.rrd" not in recorded:
+            if f"{file_stem(frame)}.rrd" in recorded:
+                n_recorded += 1
+            elif kept.holds(frame, record.end):
                 without_recording.append(frame)
+            else:
+                n_not_kept += not record.end.failed
             yield record
 
     with ExitStack() as open_files:
@@ -104,7 +116,10 @@ def check_files(folder: Path, frames: Sequence[str], keep: Keep) -> BatchFiles:
             frames_table.expect(table_lines(record))
             results_table.expect("".join(map(results_line, result_rows(record))))
         others = tuple(table.name for table in (frames_table, results_table) if not table.is_as_expected())
-    return BatchFiles(totals, tuple(missing), tuple(damaged), tuple(can_be_mended), tuple(without_recording), others)
+    return BatchFiles(
+        totals, tuple(missing), tuple(damaged), tuple(can_be_mended), tuple(without_recording),
+        n_recorded, n_not_kept, sum(recorded.values()), others,
+    )  # fmt: skip
 
 
 def write_tables(folder: Path, frames: Sequence[str]) -> None:
@@ -137,8 +152,3 @@ class _Compared:
     def is_as_expected(self) -> bool:
         """Whether it held all that was expected, and nothing more."""
         return self._file is not None and not self._file.read(1)
-
-
-def _is_recorded(end: RunEnd, keep: Keep) -> bool:
-    """Whether a frame leaves a recording; one that failed may leave none."""
-    return not end.failed and (keep == "all" or (keep == "failures" and end.is_failure))

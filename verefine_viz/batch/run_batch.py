@@ -20,6 +20,7 @@ import verefine_viz
 from verefine_viz.batch.completeness import BatchFiles, check_files, write_tables
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.frame_work import FrameWork
+from verefine_viz.batch.kept_recordings import KeptRecordings
 from verefine_viz.batch.machine import (
     free_bytes,
     gigabytes,
@@ -255,9 +256,7 @@ class _Batch:
         return self._outcome(end, rewritten)
 
     def _check_files(self) -> BatchFiles:
-        # Initial poses are not recorded.
-        keep = "none" if self.task == "estimate" else self.session.recording.keep
-        files = check_files(self.folder.path, self.frames, keep)
+        files = check_files(self.folder.path, self.frames, self._kept)
         if self._is_sequence and not (self.folder.path / MOTION).is_file():
             files = replace(files, other_tables=(*files.other_tables, MOTION))
         return files
@@ -265,6 +264,8 @@ class _Batch:
     def _outcome(self, files: BatchFiles, rewritten: str = "", was_finished: bool = False) -> BatchOutcome:
         notes = (f"written again, as it differed from the run files: {rewritten}",) if rewritten else ()
         notes += (files.recordings_note,) if files.recordings_note else ()
+        if not was_finished and self._kept.keep == "sample" and files.n_not_kept:
+            notes += (_sampled_note(files, self.folder.path),)
         return BatchOutcome(
             folder=self.folder.path,
             totals=files.totals.as_json(len(self.frames)),
@@ -331,6 +332,12 @@ class _Batch:
         return Toolbox(self.session).source
 
     @cached_property
+    def _kept(self) -> KeptRecordings:
+        kept = KeptRecordings.of(self.session, len(self.frames))
+        # Initial poses are not recorded.
+        return replace(kept, keep="none") if self.task == "estimate" else kept
+
+    @cached_property
     def _is_sequence(self) -> bool:
         return self.task != "estimate" and is_sequence(self.session, self._source)
 
@@ -387,6 +394,16 @@ def _after(frames: Collection[str], all_frames: Sequence[str]) -> set[str]:
         if frame in frames:
             scenes.add(scene)
     return after
+
+
+def _sampled_note(files: BatchFiles, folder: Path) -> str:
+    """How much room it saves that not every frame is recorded, and how to have the others."""
+    each_bytes = files.recorded_bytes / max(files.n_recorded, 1)
+    saves = f", which saves about {gigabytes(int(each_bytes * files.n_not_kept))}" if files.n_recorded else ""
+    return (
+        f"{files.n_recorded} frames have a recording, failures and a sample{saves}; --recording.keep all keeps them "
+        f"all, and verefine-viz replay {folder} --draw makes the other {files.n_not_kept} from the run files"
+    )
 
 
 def _damaged_entries(files: BatchFiles) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from typing import Protocol
 from msgspec import structs
 
 from verefine_viz.batch.failures import save_traceback, why_failed
+from verefine_viz.batch.kept_recordings import KeptRecordings
 from verefine_viz.batch.runs import Runs, file_stem
 from verefine_viz.batch.summary import object_facts, run_end, with_findings
 from verefine_viz.batch.worker_tasks import TaskName
@@ -114,7 +115,8 @@ def with_causes(end: RunEnd, run: Run, toolbox: Toolbox, out: Path | None = None
 
 def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stopwatch) -> RunRecord:
     session, started = toolbox.session, time.perf_counter()
-    keep, settings, runs = session.recording.keep, session.grasp, Runs(out / "runs")
+    settings, runs = session.grasp, Runs(out / "runs")
+    kept = KeptRecordings.of(session, len(toolbox.frames))
     if session.method.track:
         toolbox.track.recall = partial(_answers, runs)
     with watch("read"):
@@ -139,7 +141,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
         grasps_of=grasping,
         weights=weights,
     )
-    timed = [_Timed(recorder, watch)] if keep == "all" else []
+    timed = [_Timed(recorder, watch)] if kept.always(frame) else []
     with closing(file):
         try:
             with watch("start"):
@@ -149,7 +151,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
             grasps = grasping(run.final_state)
             with watch("summarise"):
                 end = run_end(run, session, recorder.allowed, grasps, toolbox.surfaces)
-            is_recorded = keep == "all" or (keep == "failures" and end.is_failure)
+            is_recorded = kept.holds(frame, end)
             if is_recorded and not timed:
                 run.show([_Timed(recorder, watch)])
             if explain and any(a.has_truth and a.is_correct is not True and a.was_asked_for for a in end.answers):

@@ -40,9 +40,10 @@ class FilmCommand:
         from verefine_viz.batch.terminal import Terminal
         from verefine_viz.page.film_file import write_film
         from verefine_viz.page.share import opened
+        from verefine_viz.run.built_in_sessions import named_session
 
         with Terminal(stderr=True).status("Working out what the film shows"):
-            debugger = opened(self.what.resolve(), self.frame)
+            debugger = opened(named_session(self.what).resolve(), self.frame)
             for _ in debugger.work_out(None if self.instance is None else (self.instance,)):
                 pass
             note = write_film(debugger, self.out, instance=self.instance)

@@ -1,7 +1,8 @@
-"""``verefine-viz replay``: a recording in the rerun viewer, or checked against a new run."""
+"""``verefine-viz replay``: a recording in the rerun viewer, drawn from a run file, or checked against a new run."""
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,17 +20,30 @@ DIFFERS, CANNOT, ENDED_EARLY = 1, 2, 3
 
 @dataclass(frozen=True)
 class ReplayCommand:
-    """Show a recorded run in the rerun viewer, or run the sessions of any number again and compare (--verify)."""
+    """Show a recorded run in the rerun viewer, draw recordings of run files (--draw), or run the sessions of any number
+    again and compare (--verify).
+    """
 
     recordings: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN [RUN ...]")]
-    """What view or batch wrote (.rrd, .vfrun): one to show, any number with --verify."""
+    """What view or batch wrote (.rrd, .vfrun): one to show, any number with --verify; with --draw run files, or
+    folders of batches."""
     verify: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Run the recorded session again and report the first iteration that differs, if any (exit code 1; 3: it does not
     differ, but was stopped before its end). One that cannot be compared is reported, and the others go on (2)."""
 
+    draw: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Draw recordings of run files; of a batch's folder, those that it has not kept. They go into recordings/ of the
+    batch, else beside the run file. One that cannot be drawn is named, and the others go on (exit code 1)."""
+    out: Path | None = None
+    """With --draw: where the recording of a single run goes, for example run.rrd."""
+    workers: int = max(os.cpu_count() or 1, 1)
+    """With --draw: worker processes."""
+
     def run(self, arguments: Sequence[str]) -> int:
         if not self.recordings:
             raise InputError("missing from verefine-viz replay: RUN; see verefine-viz replay --help")
+        if self.draw:
+            return _draw(self.recordings, self.out, self.workers)
         if self.verify:
             return _verify_all(self.recordings)
         recording, *others = self.recordings
@@ -50,6 +64,32 @@ def _check_file(recording: Path) -> None:
         runs = named_runs(batch_of(recording), "runs")
         hint = f"; those of a batch lie in {runs}, and drawn in recordings/ beside it" if runs else ""
         raise InputError(f"{recording} is a folder, expected a recorded run (.rrd, .vfrun){hint}")
+
+
+def _draw(paths: Sequence[Path], out: Path | None, n_workers: int) -> int:
+    """0: all are drawn; 1: some are not."""
+    from dataclasses import replace
+
+    from verefine_viz.batch.draw_recordings import draw_recordings, to_draw
+    from verefine_viz.batch.progress import counted_bar
+    from verefine_viz.commands.flags import check_workers
+
+    check_workers(n_workers)
+    wanted = [one for path in paths for one in to_draw(path)]
+    if out is not None:
+        if len(paths) > 1 or paths[0].is_dir():
+            raise InputError(
+                "--out names the recording of a single run file; recordings of others go beside their runs"
+            )
+        wanted = [replace(wanted[0], recording=out)]
+    with counted_bar("recordings") as report:
+        faults = [one.fault for one in draw_recordings(wanted, n_workers, report) if one.fault] if wanted else []
+    for fault in faults:
+        say(f"verefine-viz: {fault}", sys.stderr)
+    n, where = len(wanted) - len(faults), sorted({one.recording.parent for one in wanted})
+    there = f" in {', '.join(map(str, where))}" if where else ": all are there"
+    say(one_line(str(wanted[0].recording)) if n == len(wanted) == 1 else f"{n} recordings drawn{there}")
+    return 1 if faults else 0
 
 
 def _verify_all(recordings: Sequence[Path]) -> int:

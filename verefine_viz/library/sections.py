@@ -496,8 +496,10 @@ class BreakpointSection(TypedDict, total=False):
 class RecordingSection(TypedDict, total=False):
     """Rerun recordings."""
 
-    keep: Literal["all", "failures", "none"]
-    """Which frames of a batch keep their recording; failures: final error above 10 % of the diameter, or no answer."""
+    keep: Literal["all", "failures", "none", "sample"]
+    """Which frames of a batch keep their recording (about 3 MB each); failures: final error above 10 % of the diameter,
+    or no answer; sample: all of up to 200 frames, of more the failures and about 200 others. Whatever is kept, `replay
+    RUN --draw` makes it from the run file."""
     maps: Flag
     """Log depth and score maps of every iteration (about 0.05 MB each), else numbers and poses only."""
 

@@ -93,7 +93,8 @@ def _log_object(file: RecordingFile, target: Target, layout: Layout, own: RGB | 
         mesh = mesh or drawn_mesh(target.model, n_faces, color, STAGE_ALPHA[stage])
         file.log(entities.stage(branch, stage), mesh, rr.CoordinateFrame(entities.stage_frame(branch, stage)))
     if target.instance.hypotheses:
-        file.log(entities.hypotheses(branch), _ghosts(target))
+        # Until the run is over: then its answers are looked at.
+        file.log_at(entities.TIMELINE, 0, entities.hypotheses(branch), _ghosts(target))
     T_gt = target.instance.T_cam_obj_gt
     if T_gt is not None:
         mesh = drawn_mesh(target.model, n_faces, STAGE_COLORS["ground truth"], GROUND_TRUTH_ALPHA)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import pyarrow as pa
 import rerun as rr
 
 from verefine_viz.core.arrays import Float
@@ -52,6 +51,8 @@ class Drawing:
             path_style = rr.LineStrips3D.from_fields(colors=[STAGE_COLORS["simulated"]], radii=[0.0008])
             file.log(entities.simulated_path(branch.name), path_style)
         self._poses.start(file)
+        if self._layout.has_choice:
+            _log_bars(file, self._layout)
         file.log(entities.LANE, _lane_style(self._layout))
         file.log(entities.CHOICE, rr.TextDocument.from_fields(media_type="text/markdown"))
         if self._layout.is_scene or self._layout.has_tree:
@@ -133,33 +134,42 @@ def _send_events(file: RecordingFile, layout: Layout, block: Block, words: Seque
     file.send(entities.CHOICE, block.indices, rr.TextDocument.columns(text=texts))
 
 
+def _log_bars(file: RecordingFile, layout: Layout) -> None:
+    """Colours and names of the bars of :func:`_send_choices`."""
+    arms = range(max((b.n_arms for b in layout.branches), default=0))
+    colors, labels = [ARM_COLORS[j % len(ARM_COLORS)] for j in arms], [f"h{j + 1}" for j in arms]
+    style = rr.Boxes2D.from_fields(colors=colors, labels=labels, show_labels=len(arms) <= BARS_WITH_NAMES)
+    file.log(entities.BANDIT, style)
+
+
 def _send_choices(file: RecordingFile, block: Block) -> None:
-    """The UCB of each hypothesis as bars."""
+    """The UCB of each hypothesis as bars, in its colour. The numbers are those of the curves."""
     choices = [(i.index, i.choice.ucb) for i in block.iterations if i.choice is not None]
     if not choices:
         return
-    # A bar begins at its number: half before the hypothesis's, so that it stands over it.
-    rows = [(_above_lowest(ucb), np.arange(len(ucb)) + 0.5) for _, ucb in choices]
-    descriptors = (rr.BarChart.descriptor_values(), rr.BarChart.descriptor_abscissa())
-    # What rr.BarChart.columns does not make: a tensor for each row.
-    columns = [
-        rr.ComponentColumn(descriptor, rr.components.TensorDataBatch(pa.concat_arrays(map(_tensor, tensors))))
-        for descriptor, tensors in zip(descriptors, zip(*rows, strict=True), strict=True)
-    ]
-    file.send(entities.BANDIT, [k for k, _ in choices], columns)
+    n_bars = [len(ucb) for _, ucb in choices]
+    heights = np.concatenate([_bar_heights(ucb) for _, ucb in choices])
+    at = np.concatenate([np.arange(n) for n in n_bars])
+    bars = rr.Boxes2D.columns(
+        half_sizes=np.column_stack([np.full(len(at), 0.4), heights / 2]),
+        centers=np.column_stack([at + 0.5, -heights / 2]),
+    )
+    file.send(entities.BANDIT, [k for k, _ in choices], bars.partition(n_bars))
 
 
-def _tensor(values: Float) -> pa.Array:
-    return rr.components.TensorDataBatch(values).as_arrow_array()
-
-
-def _above_lowest(ucb: Float) -> Float:
-    """Bars begin at 0, where scores around 0.7 would all look alike; what was never played has no number and is as high
-    as the highest.
+def _bar_heights(ucb: Float) -> Float:
+    """(n,) from the lowest, so that differences of scores around 0.7 are seen; what was never played has no number and
+    is as high as the highest.
     """
     known = ucb[np.isfinite(ucb)]
     lowest, highest = (known.min(), known.max()) if len(known) else (0.0, 0.0)
-    return np.where(np.isfinite(ucb), ucb, highest) - lowest
+    above = np.where(np.isfinite(ucb), ucb, highest) - lowest
+    return BAR_HEIGHT * len(ucb) * (0.05 + 0.95 * above / max(highest - lowest, 1e-12))
+
+
+BAR_HEIGHT = 0.4
+"""Height of the highest bar, as a share of the width of all."""
+BARS_WITH_NAMES = 30
 
 
 _LEVELS = {"score_fell": "WARN", "unstable": "WARN", "empty_render": "ERROR", "nan_score": "ERROR"}

@@ -33,7 +33,13 @@ SURFACES = f"{SUPPORT}/surfaces"
 SOLIDS = f"{SUPPORT}/solids"
 UNKNOWN = f"{SUPPORT}/unknown_objects"
 
+CONTOURS = f"{CAMERA}/contours"
+"""Outlines in the photo."""
 MAPS = "/maps"
+OBSERVED_COLOUR, OBSERVED_DEPTH = f"{MAPS}/observed/colour", f"{MAPS}/observed/depth"
+COMPARED = ("before", "after")
+"""The two poses of an iteration whose maps are drawn: simulated and refined, else what was there and what became of
+it."""
 SCENE_MAPS = "/scene_maps"
 REFINER = "/refiner/steps"
 REFINER_WORDS = "/refiner/numbers"
@@ -101,9 +107,34 @@ def simulated_path(branch_name: str) -> str:
     return f"{OBJECTS}/{branch_name}/path"
 
 
-def curve(group: str, branch_name: str) -> str:
+def curves(group: str, branch_name: str) -> str:
     """One group of an object's curves."""
     return f"{CURVES}/{group}/{branch_name}"
+
+
+def curve(group: str, branch_name: str, name: str) -> str:
+    """One curve of an object: a number over the iterations."""
+    return f"{curves(group, branch_name)}/{name}"
+
+
+def pose_map(name: str, when: str) -> str:
+    """A score map of one of the two poses of an iteration, by :data:`COMPARED`."""
+    return f"{MAPS}/{name}/{when}"
+
+
+def scene_map(name: str) -> str:
+    """A score map of a whole scene."""
+    return f"{SCENE_MAPS}/{name}"
+
+
+def contour(branch_name: str) -> str:
+    """The outline of an object's best pose so far."""
+    return f"{CONTOURS}/{branch_name}/best"
+
+
+def contour_of_truth(branch_name: str) -> str:
+    """The outline of an object's ground truth."""
+    return f"{CONTOURS}/{branch_name}/ground_truth"
 
 
 def grasp_side(side: str) -> str:

@@ -47,8 +47,6 @@ def describe(
             f" best pose ADD(-S) {add_mm:.1f} mm."
         )
     lines += _scene(i, layout)
-    if i.events:
-        lines.append("\n".join([f"- {plain(event.text)}" for event in i.events]))
     return "\n\n".join(lines)
 
 

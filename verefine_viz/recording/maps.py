@@ -1,26 +1,29 @@
-"""The score maps of a recording: small tiles cut out around what is scored.
+"""The score maps of a recording: small tiles cut out around what is scored, with the numbers themselves.
 
-Of an iteration two poses side by side; of a pass over several objects the scene.
+Of an iteration two poses, an entity each; of a pass over several objects the scene.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache
-from typing import Any
+import io
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
+from PIL import Image
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.palette import EMPTY, depth_scale, rgb
+from verefine_viz.core.palette import CLASS_COLORS, EMPTY, depth_scale, rgb
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.core.refiner_steps import LearnedRefiner
-from verefine_viz.core.scores import COLOUR_MAPS, MapName, PixelGrid, ScoreMaps
-from verefine_viz.pictures.map_images import MapImages, depth_indices, palette_of, scales_of
+from verefine_viz.core.scores import PIXEL_CLASSES, MapName, PixelGrid, ScoreMaps
+from verefine_viz.pictures.map_images import depth_indices
 from verefine_viz.pictures.refiner_crops import start_words, step_picture, step_words
 from verefine_viz.recording import entities
 from verefine_viz.recording.recording_file import RecordingFile
@@ -30,53 +33,114 @@ TILE_PX = 128
 GAP_PX = 6
 MARGIN = 0.25
 """Shown around the mask, as a share of its larger side."""
-
 SCENE_TILE_PX = 224
+JPEG_QUALITY, STEPS_QUALITY = 85, 70
+
 MAP_NAMES: tuple[MapName, ...] = ("rendered", "difference", "angle", "f_d", "f_n", "classes")
 SCENE_MAP_NAMES: tuple[MapName, ...] = ("rendered", "difference", "classes")
-OBSERVED = "observed"
-SCENE_COLOUR_MAPS: tuple[MapName, ...] = ("rendered_colour", "correlation")
+COLOUR_NAMES: tuple[MapName, ...] = ("rendered_colour", "correlation")
+"""With the colour term; what the image shows is in ``observed``."""
+DIFFERENCE_MM = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+"""Where the scale of the depth difference may end."""
+NO_VALUE = 0.15
+"""A scale begins so much of its length below its lowest number: pixels without one take its first colour."""
+
+Image8 = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class FloatMap:
+    """How a map of numbers is drawn."""
+
+    values: Callable[[ScoreMaps], NDArray[np.floating]]
+    """(H, W) in its unit; NaN = none."""
+    colormap: Literal["viridis", "inferno", "turbo"]
+    per_m: float = 1.0
+    """Of its unit in a metre, for maps of lengths."""
+    limits: tuple[float, float] | None = None
+    """From where to where its scale goes; None = it follows the data."""
+
+
+FLOAT_MAPS: dict[MapName, FloatMap] = {
+    "rendered": FloatMap(lambda maps: np.where(maps.rendered_m > 0, maps.rendered_m, np.nan), "viridis"),
+    "difference": FloatMap(lambda maps: 1e3 * maps.depth_difference_m, "turbo", per_m=1e3),
+    "angle": FloatMap(lambda maps: math.degrees(1) * maps.angle_rad, "inferno", limits=(0.0, 90.0)),
+    "f_d": FloatMap(lambda maps: np.where(maps.counted, maps.f_d, np.nan), "viridis", limits=(0.0, 1.0)),
+    "f_n": FloatMap(lambda maps: np.where(maps.counted, maps.f_n, np.nan), "viridis", limits=(0.0, 1.0)),
+    "correlation": FloatMap(lambda maps: _no_value_outside(maps.correlation, maps), "turbo", limits=(-2.0, 2.0)),
+}
+
+
+def _no_value_outside(values: NDArray[np.float32] | None, maps: ScoreMaps) -> NDArray[np.floating]:
+    return np.full(maps.classes.shape, np.nan) if values is None else values
 
 
 def log_colors(file: RecordingFile, colour: bool) -> None:
-    """The palettes of all maps, those of the colour term if it counts."""
-    scales = scales_of(depth_scale(0.0, 1.0), 1.0)
-    opaque = rr.SegmentationImage.from_fields(opacity=1.0)
-    scene = (*SCENE_MAP_NAMES, *SCENE_COLOUR_MAPS) if colour else SCENE_MAP_NAMES
-    for root, names in (
-        (entities.MAPS, (*MAP_NAMES, *COLOUR_MAPS) if colour else MAP_NAMES),
-        (entities.SCENE_MAPS, scene),
-    ):
-        for name in names:
-            file.log(f"{root}/{name}", _annotations(palette_of(name, scales)), opaque)
+    """Scales and colours of all maps, those of the colour term if it counts."""
+    more = COLOUR_NAMES if colour else ()
+    drawn = [entities.pose_map(name, when) for name in (*MAP_NAMES, *more) for when in entities.COMPARED]
+    drawn += [entities.scene_map(name) for name in (*SCENE_MAP_NAMES, *more)]
+    for entity in drawn:
+        name = next(part for part in entity.split("/") if part in FLOAT_MAPS or part in ("classes", "rendered_colour"))
+        if name == "classes":
+            classes = [rr.AnnotationInfo(0, color=EMPTY)]
+            classes += [rr.AnnotationInfo(k, one, CLASS_COLORS[one]) for k, one in enumerate(PIXEL_CLASSES, 1)]
+            file.log(entity, rr.AnnotationContext(classes), rr.SegmentationImage.from_fields(opacity=1.0))
+        elif name in FLOAT_MAPS:
+            style = FLOAT_MAPS[name]
+            limits = None if style.limits is None else _with_no_value(style.limits)
+            file.log(
+                entity,
+                rr.DepthImage.from_fields(meter=style.per_m, colormap=style.colormap, depth_range=limits),
+            )
 
 
-@lru_cache(maxsize=16)
-def _annotations(palette: bytes) -> rr.AnnotationContext:
-    colors = np.frombuffer(palette, np.uint8).reshape(256, 3)
-    return rr.AnnotationContext([rr.AnnotationInfo(k, color=color) for k, color in enumerate(colors)])
+def _with_no_value(limits: tuple[float, float]) -> tuple[float, float]:
+    """Where a scale begins and ends; one around 0 stays around it."""
+    low, high = limits
+    below = NO_VALUE * (high - low)
+    return low - below, high + (below if low == -high else 0.0)
 
 
 class PendingMaps:
     """Maps of several iterations, to be sent at once."""
 
     def __init__(self) -> None:
-        self._rows: dict[str, tuple[list[int], list[NDArray[np.uint8]]]] = {}
+        self._rows: dict[str, list[tuple[int, NDArray[Any], tuple[float, float] | None]]] = {}
 
-    def add(self, entity: str, iteration: int, indices: NDArray[np.uint8]) -> None:
-        """One more (H, W) of ``entity``, as large as those before."""
-        iterations, images = self._rows.setdefault(entity, ([], []))
-        iterations.append(iteration)
-        images.append(indices)
+    def add(self, entity: str, iteration: int, image: NDArray[Any], limits: tuple[float, float] | None = None) -> None:
+        """One more of ``entity``, as large as those before: numbers (H, W) float16 with the limits of their scale where
+        it has none yet, classes (H, W) uint8, or colours (H, W, 3).
+        """
+        self._rows.setdefault(entity, []).append((iteration, image, limits))
 
     def send(self, file: RecordingFile) -> None:
         """All that was added since the last call."""
-        for entity, (iterations, images) in self._rows.items():
-            height, width = images[0].shape
-            size = rr.components.ImageFormat(width=width, height=height, channel_datatype=rr.ChannelDatatype.U8)
-            buffers = [image.tobytes() for image in images]
-            file.send(entity, iterations, rr.SegmentationImage.columns(buffer=buffers, format=[size] * len(images)))
+        for entity, rows in self._rows.items():
+            iterations, images, limits = zip(*rows, strict=True)
+            file.send(entity, iterations, _columns(images, limits))
         self._rows.clear()
+
+
+def _columns(
+    images: Sequence[NDArray[Any]], limits: Sequence[tuple[float, float] | None]
+) -> Iterable[rr.ComponentColumn]:
+    first = images[0]
+    if first.ndim == 3:
+        return rr.EncodedImage.columns(blob=[_jpeg(one) for one in images], media_type=["image/jpeg"] * len(images))
+    kind = rr.ChannelDatatype.U8 if first.dtype == np.uint8 else rr.ChannelDatatype.F16
+    size = rr.components.ImageFormat(width=first.shape[1], height=first.shape[0], channel_datatype=kind)
+    buffers, formats = [one.tobytes() for one in images], [size] * len(images)
+    if first.dtype == np.uint8:
+        return rr.SegmentationImage.columns(buffer=buffers, format=formats)
+    ranges = [one for one in limits if one is not None]
+    return rr.DepthImage.columns(buffer=buffers, format=formats, depth_range=ranges or None)
+
+
+def _jpeg(image: Image8) -> bytes:
+    out = io.BytesIO()
+    Image.fromarray(image).save(out, format="JPEG", quality=JPEG_QUALITY)
+    return out.getvalue()
 
 
 class LoggedMaps:
@@ -97,17 +161,16 @@ class LoggedMaps:
         if len(targets) == 1:
             near = far = float(np.median(measured)) if len(measured) else 1.0
         reach = max(t.model.diameter_m for t in targets)
-        self._scales = scales_of(depth_scale(near - reach, far + reach), verifier.settings.tau_m)
+        self._depth_m = (float(near - reach), float(far + reach))
 
     def send_observed(self, file: RecordingFile, iteration: int) -> None:
         """A cut-out of what the sensor saw: colour and depth."""
-        scale, photo = self._scales["observed"], self._targets[0].observation.rgb
-        right = rgb(depth_indices(self._observed_m, scale), scale.palette)
-        left = right if photo is None else self._cut(photo)
-        gap = np.full((TILE_PX, GAP_PX, 3), EMPTY, np.uint8)
-        picture = rr.Image(np.concatenate([left, gap, right], axis=1)).compress(jpeg_quality=85)
-        row = [rr.ComponentColumn(b.component_descriptor(), b) for b in picture.as_component_batches()]
-        file.send(f"{entities.MAPS}/{OBSERVED}", [iteration], row)
+        photo, pending, scale = self._targets[0].observation.rgb, PendingMaps(), depth_scale(*self._depth_m)
+        # As pictures: objects take turns often, and the measured numbers are in the depth image of the frame.
+        depth = rgb(depth_indices(self._observed_m, scale), scale.palette)
+        pending.add(entities.OBSERVED_COLOUR, iteration, depth if photo is None else self._cut(photo))
+        pending.add(entities.OBSERVED_DEPTH, iteration, depth)
+        pending.send(file)
 
     def add_pair(self, pending: PendingMaps, iteration: Iteration, placed: Sequence[Placed]) -> None:
         """The maps of the two poses that an iteration had to choose from; none where the score is not of pixels."""
@@ -116,31 +179,54 @@ class LoggedMaps:
         pair = [maps for maps in of_poses if maps is not None]
         if not pair:
             return
-        gap = np.zeros((TILE_PX, GAP_PX), np.uint8)
-        names = MAP_NAMES if pair[0].correlation is None else (*MAP_NAMES, *COLOUR_MAPS)
-        for name in names:
-            left, right = (self._indices(name, maps) for maps in pair)
-            pending.add(f"{entities.MAPS}/{name}", iteration.index, np.concatenate([left, gap, right], axis=1))
+        limits = _difference_limits(pair)
+        names = MAP_NAMES if pair[0].correlation is None else (*MAP_NAMES, *COLOUR_NAMES)
+        for when, maps in zip(entities.COMPARED, pair, strict=True):
+            for name in names:
+                self._add(pending, entities.pose_map(name, when), iteration.index, name, maps, limits)
 
     def add_scene(self, pending: PendingMaps, iteration: int, Ts_cam_obj: Float, placed: Sequence[Placed]) -> None:
         """The maps of all objects together, at the poses (m, 4, 4)."""
         maps = self._verifier.scene_maps(self._targets, Ts_cam_obj, placed, at=self._at)
         if maps is None:
             return
-        names = SCENE_MAP_NAMES if maps.correlation is None else (*SCENE_MAP_NAMES, *SCENE_COLOUR_MAPS)
-        for name in names:
-            pending.add(f"{entities.SCENE_MAPS}/{name}", iteration, self._indices(name, maps))
+        limits = _difference_limits([maps])
+        for name in SCENE_MAP_NAMES if maps.correlation is None else (*SCENE_MAP_NAMES, *COLOUR_NAMES):
+            self._add(pending, entities.scene_map(name), iteration, name, maps, limits)
 
-    def _indices(self, name: MapName, maps: ScoreMaps) -> NDArray[np.uint8]:
-        """Without value beyond the image."""
-        indices = MapImages(maps, self._observed_m, self._scales).indices(name)
-        return np.where(self._outside, np.uint8(0), indices)
+    def _add(
+        self,
+        pending: PendingMaps,
+        entity: str,
+        iteration: int,
+        name: MapName,
+        maps: ScoreMaps,
+        difference: tuple[float, float],
+    ) -> None:
+        """Adds one map, without value beyond the image."""
+        if name in FLOAT_MAPS:
+            values = np.where(self._outside, np.nan, FLOAT_MAPS[name].values(maps)).astype(np.float16)
+            limits = {"rendered": self._depth_m, "difference": difference}.get(name)
+            pending.add(entity, iteration, values, None if limits is None else _with_no_value(limits))
+        elif name == "classes":
+            pending.add(entity, iteration, np.where(self._outside, np.uint8(0), maps.classes))
+        elif maps.rendered_rgb is not None:
+            shown = (maps.rendered_m > 0) & ~self._outside
+            pending.add(entity, iteration, np.where(shown[..., None], maps.rendered_rgb, np.array(EMPTY, np.uint8)))
 
     def _cut(self, image: NDArray[Any]) -> NDArray[Any]:
         """The pixels that are shown; black beyond the image."""
         tile = image[self._at.rows[:, None], self._at.columns]
         tile[self._outside] = 0
         return tile
+
+
+def _difference_limits(maps: Sequence[ScoreMaps]) -> tuple[float, float]:
+    """Ends of the scale of the depth difference [mm] of poses that are compared, beyond nearly all of their pixels."""
+    found = [np.abs(one.depth_difference_m[one.counted & np.isfinite(one.depth_difference_m)]) for one in maps]
+    most_mm = max((1e3 * float(np.percentile(one, 90)) for one in found if len(one)), default=0.0)
+    end = next((mm for mm in DIFFERENCE_MM if mm >= most_mm), DIFFERENCE_MM[-1])
+    return -end, end
 
 
 def send_refiner_steps(file: RecordingFile, refiner: LearnedRefiner, target: Target, iteration: Iteration) -> None:
@@ -154,7 +240,7 @@ def send_refiner_steps(file: RecordingFile, refiner: LearnedRefiner, target: Tar
     pictures = [step_picture(step) for step in steps]
     gap = np.full((pictures[0].shape[0], GAP_PX, 3), EMPTY, np.uint8)
     parts = [part for picture in pictures for part in (picture, gap)]
-    picture = rr.Image(np.concatenate(parts[:-1], axis=1)).compress(jpeg_quality=85)
+    picture = rr.Image(np.concatenate(parts[:-1], axis=1)).compress(jpeg_quality=STEPS_QUALITY)
     lines = [f"step {k}: {', '.join(step_words(step))}" for k, step in enumerate(steps, 1)]
     words = rr.TextDocument("\n".join(filter(None, (start_words(refiner, target, start.T_cam_obj), *lines))))
     for entity, archetype in ((entities.REFINER, picture), (entities.REFINER_WORDS, words)):

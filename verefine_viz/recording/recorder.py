@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import rerun as rr
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.kernels import kernel
@@ -24,6 +25,7 @@ from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.recording import entities
 from verefine_viz.recording.background import log_background
+from verefine_viz.recording.contours import Contours
 from verefine_viz.recording.drawn_iterations import Drawing
 from verefine_viz.recording.entities import branch
 from verefine_viz.recording.graphs import log_dependencies
@@ -33,6 +35,8 @@ from verefine_viz.recording.layout import layout_of
 from verefine_viz.recording.maps import SCENE_TILE_PX, LoggedMaps, PendingMaps, log_colors, send_refiner_steps
 from verefine_viz.recording.recording_file import RecordingFile
 from verefine_viz.recording.views import blueprint_of
+from verefine_viz.run.record import Answer, RunHeader
+from verefine_viz.run.run_file import decoded
 from verefine_viz.run.run_header import NO_WEIGHTS, header_of
 
 if TYPE_CHECKING:
@@ -40,7 +44,7 @@ if TYPE_CHECKING:
 
 BLOCK = 200
 """Iterations that are drawn together; the run file has each of them before."""
-BLOCK_WITH_MAPS = 10
+BLOCK_WITH_MAPS = 25
 """Iterations of a block with score maps, which are large: what lies before it in a truncated file is saved."""
 
 
@@ -70,7 +74,7 @@ class Recorder:
             problem: the frame.
             verifier_of: what scored iteration k, to make its score maps; None = no maps, whatever the session says. A
                 verifier of another program has none.
-            block: iterations drawn together, with score maps at most 10.
+            block: iterations drawn together, with score maps at most 25.
             refiner_of: what refined in iteration k, to draw beside the maps what a learned one saw; None = not drawn.
             grasps_of: what became of the answers of a finished run in the gripper; None = not drawn.
             weights: hashes of the run's weights, for the header, as in ``RunFile``.
@@ -106,10 +110,11 @@ class Recorder:
         self._layout = layout_of(self._problem, header, self._session)
         self._targets = {t.instance.instance_id: t for t in self._problem.targets}
         self._drawing = Drawing(self._layout, self._targets, self._session.method.refiner)
+        self._contours = Contours(self._layout, self._targets)
         has_maps = self._verifier_of is not None
         make_inside(self._path.parent)
-        file = self._file = RecordingFile(self._path)
         method = self._session.method
+        file = self._file = RecordingFile(self._path, _recording_id(header, self._session))
         about = {"title": header.title, "frame": header.frame, "method": method.name, "seed": str(method.seed)}
         about |= {"session": header.session, "versions": json.dumps(header.versions)}
         file.send_properties(about, f"{header.title} {header.frame} {method.name}".strip())
@@ -119,6 +124,7 @@ class Recorder:
         log_background(file, self._problem, self._layout, pictures=has_maps)
         if has_maps:
             log_colors(file, self._has_colour)
+            self._contours.start(file)
         file.flush()
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
@@ -133,12 +139,19 @@ class Recorder:
         self._pending_errors.append(self._errors.errors(self._targets[iteration.instance_id], iteration))
         if self._verifier_of is not None:
             self._add_maps(self._file, self._verifier_of(iteration.index), iteration)
+            self._contours.add(iteration)
         if len(self._pending) >= self._block:
             self._draw(self._file)
             self._file.flush()
 
     def on_finish(self, state: RunState) -> None:
-        """Adds the score around the answers where score maps are recorded, and their grasps."""
+        """Hides the hypotheses; adds the score around the answers where score maps are recorded, and their grasps."""
+        if self._file is not None:
+            for branch_of in self._layout.branches:
+                end = self._n_drawn + len(self._pending)
+                self._file.log_at(
+                    entities.TIMELINE, end, entities.hypotheses(branch_of.name), rr.Clear(recursive=False)
+                )
         if self._file is not None and self._verifier_of is not None:
             verifier = self._verifier_of(self._n_drawn + len(self._pending))
             for target, best in zip(state.problem.targets, state.best, strict=True):
@@ -172,6 +185,9 @@ class Recorder:
         )
         if run:
             file.log_bytes(entities.RUN_FILE, run)
+            end = decoded(run, f"run of {self._path}", with_iterations=False).end
+            if end is not None:
+                file.send_properties(_outcome(end.answers))
         file.close()
 
     @property
@@ -189,6 +205,7 @@ class Recorder:
         if self._pending:
             self._drawing.draw(file, self._pending, np.array(self._pending_errors))
             self._pending_maps.send(file)
+            self._contours.send(file)
             self._n_drawn += len(self._pending)
             self._pending, self._pending_errors = [], []
 
@@ -213,6 +230,22 @@ class Recorder:
 
     def _placed(self, poses: Sequence[PlacedPose]) -> list[Placed]:
         return [Placed(p.instance_id, self._targets[p.instance_id].model, p.T_cam_obj) for p in poses]
+
+
+def _recording_id(header: RunHeader, session: Session) -> str:
+    """``mug/50/1/rir/seed 0``: session, scene, image, method; runs of other seeds are other recordings."""
+    return f"{header.title}/{header.frame}/{session.method.name}/seed {session.method.seed}"
+
+
+def _outcome(answers: Sequence[Answer]) -> dict[str, Sequence[str] | Sequence[float]]:
+    """What came of the objects, in their order, for lists of recordings; NaN and empty = unknown."""
+    return {
+        "object": [str(one.instance_id) if one.instance_id is not None else "" for one in answers],
+        "status": [one.status for one in answers],
+        "score": [math.nan if one.score is None else one.score for one in answers],
+        "add_s_mm": [math.nan if one.add_s_mm is None else one.add_s_mm for one in answers],
+        "cause": [one.cause for one in answers],
+    }
 
 
 class _GroundTruthErrors:

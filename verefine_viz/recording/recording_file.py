@@ -30,8 +30,10 @@ CONTENT = "content"
 class RecordingFile:
     """Writes a recording to a file."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, recording_id: str | None = None) -> None:
         """Creates the file; what is there is replaced.
+
+        ``recording_id``: a viewer takes files of the same for one recording; None = one of its own.
 
         Raises:
             InputError: it cannot be written.
@@ -39,15 +41,15 @@ class RecordingFile:
         self._path = path
         self._file = os.fdopen(new_file(path), "wb", buffering=0)
         self._error: OSError | None = None
-        self._stream = rr.RecordingStream(entities.APPLICATION, send_properties=False)
+        self._stream = rr.RecordingStream(entities.APPLICATION, recording_id=recording_id, send_properties=False)
         # The same run makes the same recording.
         self._stream.set_log_time_enabled(False)
         self._encoded = self._stream.binary_stream()
 
-    def send_properties(self, values: Mapping[str, str], name: str = "") -> None:
-        """What the recording is about, and what viewers call it; in the file when this returns."""
-        texts = [rr.components.TextBatch([text]).described(rr.ComponentDescriptor(n)) for n, text in values.items()]
-        self._stream.send_property(entities.PROPERTY, texts)
+    def send_properties(self, values: Mapping[str, str | Sequence[str] | Sequence[float]], name: str = "") -> None:
+        """What the recording is about, and what viewers call it; in the file when this returns. More may follow."""
+        listed = {name: [value] if isinstance(value, str) else value for name, value in values.items()}
+        self._stream.send_property(entities.PROPERTY, rr.AnyValues(drop_untyped_nones=True, **listed))
         if name:
             self._stream.send_recording_name(name)
         self.flush()

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
+from verefine_viz.recording.draw_run_file import RunDrawer
 from verefine_viz.recording.reader import check_rerun_file
-from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import executable, is_whole
-from verefine_viz.run.run_file import SUFFIX, read_run_file
-from verefine_viz.run.run_header import session_of
+from verefine_viz.run.run_file import SUFFIX
 
 LOOPBACK = "127.0.0.1"
 
@@ -44,7 +43,9 @@ def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
         UnavailableError: the viewer is not installed.
     """
     if path.suffix == SUFFIX:
-        path = drawn(path, Path(tempfile.mkdtemp(prefix="verefine-")))
+        recording = Path(tempfile.mkdtemp(prefix="verefine-")) / path.with_suffix(".rrd").name
+        RunDrawer().draw(path, recording)
+        path = recording
     else:
         check_rerun_file(path)
     note = "" if is_whole(path) else f"{path} is damaged; the viewer shows what can be read of it"
@@ -58,33 +59,6 @@ def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
     # The page alone would be empty: its address says where the recording comes from.
     source = quote(f"rerun+http://{LOOPBACK}:{data}/proxy", safe="")
     return OpenViewer(start_viewer(arguments, env), f"http://{LOOPBACK}:{page}?url={source}", note)
-
-
-def drawn(path: Path, folder: Path) -> Path:
-    """Draw the run of a run file into a recording in ``folder``, and return its path.
-
-    Raises:
-        VerefineError: the run or its data cannot be read, or the disk does not take it.
-    """
-    from verefine_viz.run.engine import Run
-    from verefine_viz.run.session_parts import weights_of
-    from verefine_viz.run.toolbox import Toolbox
-
-    record = read_run_file(path)
-    toolbox = Toolbox(session_of(record.header))
-    problem = toolbox.problem(record.header.frame)
-    target = folder / path.with_suffix(".rrd").name
-    recorder = Recorder(
-        target,
-        toolbox.session,
-        problem,
-        toolbox.verifier_of,
-        refiner_of=toolbox.refiner_of,
-        weights=weights_of(toolbox.session),
-    )
-    Run.from_record(record, problem, [recorder])
-    recorder.close(path.read_bytes())
-    return target
 
 
 def start_viewer(arguments: Sequence[str], env: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:

@@ -11,23 +11,20 @@ from verefine_viz.recording import entities
 from verefine_viz.recording.grasps import grasp_tab
 from verefine_viz.recording.landscapes import landscape_tab
 from verefine_viz.recording.layout import Layout
-from verefine_viz.recording.maps import OBSERVED
 
 LEGEND_ARMS = 12
 """With more hypotheses a legend would hide the curves."""
 MAP_TITLES = {
-    OBSERVED: "Observed: colour | depth",
     "classes": "Pixel classes",
-    "difference": "Δdepth ±2τ",
+    "difference": "Δdepth",
     "angle": "Angle 0…90°",
-    "f_d": "f_d, depth fit 0…1",
-    "f_n": "f_n, normal fit 0…1",
-    "rendered": "Rendered depth",
+    "f_d": "f_d 0…1",
+    "f_n": "f_n 0…1",
+    "rendered": "Rendered",
 }
 COLOUR_TITLES = {
     "correlation": "Correlation of colours ±2",
     "rendered_colour": "Model colour",
-    "observed_colour": "Image colour",
 }
 SCENE_MAP_TITLES = {name: MAP_TITLES[name] for name in ("classes", "difference", "rendered")}
 CURVE_TITLES = {
@@ -106,12 +103,16 @@ def _graph(origin: str, name: str) -> rrb.GraphView:
 
 
 def _pictures(layout: Layout, has_maps: bool) -> rrb.Container:
-    views: list[rrb.View] = [_scene(layout)]
+    views: list[rrb.View] = []
+    if has_maps:
+        on_photo = [f"+ {entities.IMAGE}", f"+ {entities.CONTOURS}/**"]
+        views.append(rrb.Spatial2DView(origin=entities.CAMERA, contents=on_photo, name="Photo"))
+    views.append(_scene(layout))
     if layout.is_scene:
         views.append(_answer(layout))
     if has_maps:
-        on_photo = [f"+ {entities.IMAGE}", f"+ {entities.MASKS}"]
-        views.append(rrb.Spatial2DView(origin=entities.CAMERA, contents=on_photo, name="Camera"))
+        with_masks = [f"+ {entities.IMAGE}", f"+ {entities.MASKS}"]
+        views.append(rrb.Spatial2DView(origin=entities.CAMERA, contents=with_masks, name="Masks"))
         views.append(rrb.Spatial2DView(origin=entities.DEPTH, name="Depth"))
     return rrb.Tabs(*views)
 
@@ -129,6 +130,7 @@ def _scene(layout: Layout) -> rrb.Spatial3DView:
             # Below a pinhole, a depth image would be drawn as points once more.
             f"- {entities.DEPTH}",
             f"- {entities.MASKS}",
+            f"- {entities.CONTOURS}/**",
         ],
         name="Scene",
         background=DARK,
@@ -160,25 +162,32 @@ def _eye(layout: Layout) -> rrb.EyeControls3D:
 
 
 def _maps(layout: Layout, has_colour: bool, has_refiner: bool) -> rrb.Container:
-    def view(name: str, title: str) -> rrb.View:
-        return rrb.Spatial2DView(origin=f"{entities.MAPS}/{name}", name=title)
+    def pair(name: str, title: str) -> list[rrb.View]:
+        return [
+            rrb.Spatial2DView(origin=entities.pose_map(name, when), name=f"{title}, {when}")
+            for when in entities.COMPARED
+        ]
 
-    views = [view(*one) for one in MAP_TITLES.items()]
+    observed = [
+        rrb.Spatial2DView(origin=entities.OBSERVED_COLOUR, name="Observed colour"),
+        rrb.Spatial2DView(origin=entities.OBSERVED_DEPTH, name="Observed depth"),
+    ]
+    first, second = [*MAP_TITLES.items()][:2], [*MAP_TITLES.items()][2:]
     tabs: list[rrb.Container | rrb.View] = [
-        rrb.Grid(*views[:6], grid_columns=2, name="Maps: simulated | refined"),
-        *views[6:],
+        rrb.Grid(*observed, *(view for one in first for view in pair(*one)), grid_columns=2, name="Maps"),
+        rrb.Grid(*(view for one in second for view in pair(*one)), grid_columns=2, name="Angles, fits, depth"),
     ]
     if has_colour:
-        tabs.append(rrb.Grid(*(view(*one) for one in COLOUR_TITLES.items()), grid_columns=1, name="Colour"))
+        colours = [view for one in COLOUR_TITLES.items() for view in pair(*one)]
+        tabs.append(rrb.Grid(*colours, grid_columns=2, name="Colour"))
     if has_refiner:
         saw = rrb.Spatial2DView(origin=entities.REFINER, name="Its steps")
         numbers = rrb.TextDocumentView(origin=entities.REFINER_WORDS, name="In numbers")
         tabs.append(rrb.Vertical(saw, numbers, row_shares=[3, 1], name="What the refiner saw"))
     if layout.has_passes:
         scene = [
-            rrb.Spatial2DView(origin=f"{entities.SCENE_MAPS}/{name}", name=title)
+            rrb.Spatial2DView(origin=entities.scene_map(name), name=title)
             for name, title in (SCENE_MAP_TITLES | (COLOUR_TITLES if has_colour else {})).items()
-            if name != "observed_colour"
         ]
         tabs.append(rrb.Grid(*scene, grid_columns=2, name="Scene of the last pass"))
     return rrb.Tabs(*tabs)
@@ -196,9 +205,7 @@ def _reason(layout: Layout) -> rrb.Container | rrb.View:
     text = rrb.TextDocumentView(origin=entities.CHOICE, name="This iteration")
     if not layout.has_choice:
         return text
-    bandit = rrb.BarChartView(
-        origin=entities.BANDIT, name="UCB by hypothesis, above the lowest", plot_legend=rrb.PlotLegend(visible=False)
-    )
+    bandit = rrb.Spatial2DView(origin=entities.BANDIT, name="UCB by hypothesis, from the lowest")
     return rrb.Vertical(text, bandit, row_shares=[3, 1])
 
 
@@ -225,7 +232,7 @@ def _curves_by_object(layout: Layout) -> Iterator[rrb.Grid]:
         if not names or (group == "ucb" and not layout.has_choice):
             continue
         legend = _legend(group, layout)
-        views = (rrb.TimeSeriesView(origin=entities.curve(group, n), name=n, plot_legend=legend) for n in names)
+        views = (rrb.TimeSeriesView(origin=entities.curves(group, n), name=n, plot_legend=legend) for n in names)
         yield rrb.Grid(*views, name=CURVE_TITLES[group])
 
 

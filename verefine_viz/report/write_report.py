@@ -148,7 +148,7 @@ def write_report(
     gallery = Gallery(runs)
     message = report_message(sections, gallery, left_out, tools.recalls_of, progress)
     if fix is not None:
-        message = replace(message, fix=fix_shown(fix, keys_of(gallery), None))
+        message = structs.replace(message, fix=fix_shown(fix, keys_of(gallery), None))
     answers, notes = answers_message(gallery), list(message.notes)
     worst_first = answers.orders[0].keys
     painter = tools.painter_of(gallery)
