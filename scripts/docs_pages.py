@@ -153,6 +153,6 @@ def _add_source(target: str, files: Files, config: MkDocsConfig) -> None:
     path, uri = ROOT / target, f"source/{target}.md"
     if target in files.src_uris or uri in files.src_uris or not path.is_file():
         return
-    kind = {".py": "python", ".frag": "glsl", ".vert": "glsl"}.get(path.suffix, "text")
+    kind = {".py": "python", ".comp": "glsl", ".glsl": "glsl"}.get(path.suffix, "text")
     text = path.read_text(encoding="utf-8")
     files.append(File.generated(config, uri, content=f"# {path.name}\n\n`{target}`\n\n````{kind}\n{text}\n````\n"))

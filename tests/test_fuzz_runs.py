@@ -27,7 +27,6 @@ from tests.page.made_batch import make_batch
 from verefine_viz.batch.completeness import check_files, write_tables
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.kept_recordings import KeptRecordings
-from verefine_viz.commands.report import report_tools
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.page.answers_to_wants import GoneAnswer

@@ -28,7 +28,7 @@ SOURCES = [
     path
     for folder in ("verefine_viz", "tests", "bench")
     for path in sorted((ROOT / folder).rglob("*"))
-    if path.suffix in (".py", ".frag", ".vert") and path != Path(__file__)
+    if path.suffix in (".py", ".comp", ".glsl") and path != Path(__file__)
 ]
 NUMBER = r"\d+(?:\.\d+)*"
 

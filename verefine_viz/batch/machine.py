@@ -10,6 +10,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from verefine_viz.core.processor import processor_name
+
 SHARE = 0.8
 """Share of the machine's memory that all workers together may take, unless a limit is given."""
 CGROUP_LIMITS = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
@@ -21,18 +23,9 @@ def machine() -> dict[str, str | int]:
         # Unlike platform.platform() these start no process.
         "system": f"{platform.system()}-{platform.release()}-{platform.machine()}",
         "python": platform.python_version(),
-        "cpu": _cpu_name(),
+        "cpu": processor_name(),
         "cores": os.cpu_count() or 1,
     }
-
-
-def _cpu_name() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()
 
 
 def resident_bytes(pid: int) -> int | None:

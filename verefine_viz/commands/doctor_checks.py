@@ -80,13 +80,14 @@ def packages() -> Check:
 
 def opengl() -> Check:
     """The OpenGL that scores poses, if any."""
+    from verefine_viz.rendering.auto_renderer import times_on
     from verefine_viz.rendering.gl_context import gl_info, gl_problem
 
     info = gl_info()
     if info is None:
         # Not needed: the CPU rasteriser gives the same scores.
         return Check("OpenGL", "none; poses are scored by the CPU", ok=False, needed=False, advice=gl_problem() or "")
-    choice = "software, so poses are scored by the CPU" if info.is_software else "poses are scored on it"
+    choice = "software, so poses are scored by the CPU" if info.is_software else times_on(info).in_words
     return Check("OpenGL", f"{info.renderer}, {info.version} ({choice})", needed=False)
 
 

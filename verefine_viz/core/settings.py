@@ -215,7 +215,7 @@ class ScoreSettings(Settings, frozen=True):
     """w, weight of plausibility: the score f becomes (1 − w) f + w p, with p in [0, 1] lower for a pose that floats,
     sinks into something or would fall (docs/methods.md 1.14). 0 = not asked, as in the paper. Takes a support plane."""
     renderer: Literal["auto", "gl", "cpu"] = "auto"
-    """auto: OpenGL on a real GPU, else the CPU rasteriser."""
+    """auto: the CPU rasteriser, or OpenGL 4.3 on a GPU where that was measured to be faster here (`doctor` says it)."""
     simplify_mm: Annotated[float, Meta(ge=0, le=100)] = 0.2
     """Largest deviation of the mesh that is scored from the model's mesh [mm]; 0 keeps every triangle. 0.2 moves the
     scores of real frames by up to 0.001, and takes two thirds of the time."""

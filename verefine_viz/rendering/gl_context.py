@@ -41,15 +41,15 @@ def create_context() -> moderngl.Context:
     """A context without a window, current in the calling thread, which is the only one that may use it.
 
     Raises:
-        UnavailableError: there is no OpenGL 3.3.
+        UnavailableError: there is no OpenGL 4.3.
     """
     reason = ""
     for way in WAYS:
         try:
-            return moderngl.create_context(require=330, standalone=True, **way)
+            return moderngl.create_context(require=430, standalone=True, **way)
         except Exception as error:  # the bindings raise bare Exceptions, and each platform other ones
             reason = reason or " ".join(str(error).split())
-    raise UnavailableError(f"no OpenGL 3.3 context could be made ({reason or 'unknown reason'}); {HOW_TO_GET_GL}")
+    raise UnavailableError(f"no OpenGL 4.3 context could be made ({reason or 'unknown reason'}); {HOW_TO_GET_GL}")
 
 
 def info_of(context: moderngl.Context) -> GlInfo:

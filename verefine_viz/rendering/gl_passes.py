@@ -1,12 +1,14 @@
-"""The OpenGL passes of the score: draw poses into tiles, score their pixels row by row, add up the rows.
+"""The OpenGL passes of the score, all compute shaders: pictures of all poses of a batch at once, and their sums.
 
-All arrays keep image order: texture row v is image row v, so nothing is ever flipped, and the projection puts pixel
-centres at integers of the camera's image.
+Everything lies in buffers that are made once and grow when more is asked for. All pictures keep image order, and pixel
+centres lie at integers of the camera's image. A combination has a picture of its own window alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from weakref import WeakKeyDictionary
 
@@ -15,280 +17,265 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.rendering.colour import N_COLOUR_SUMS, ColourGrid, SceneColours
-from verefine_viz.rendering.mesh import RenderMesh, RenderMeshes
+from verefine_viz.rendering.colour import N_COLOUR_SUMS, SceneColours
+from verefine_viz.rendering.mesh import RenderMeshes
 from verefine_viz.rendering.prepared import PreparedTarget
 from verefine_viz.rendering.rasterizer import NEAR_M
-from verefine_viz.rendering.score_kernels import OWN
 
 Intrinsics = tuple[float, float, float, float]
 Windows = NDArray[np.int64]
 """(N, m, 4) the window x0, y0, columns, rows of each model of N combinations of poses [px]; 0 columns for none."""
 
-AnyTexture = moderngl.Texture | moderngl.TextureArray | moderngl.Texture3D
+BATCH_PIXELS = 1 << 23
+"""Most pixels of the pictures of a batch, 64 MB; more combinations are scored in several batches. Twice as many are
+still whole numbers of 32-bit floats, and in half of the smallest buffer that OpenGL 4.3 promises."""
 
-ATLAS_PIXELS = 1 << 23
-"""Largest atlas [px]; more poses are scored in several batches."""
+MOST_GROUPS = 65_535
+"""Work groups along one axis, as OpenGL 4.3 promises; hence combinations of a batch."""
 
-NORMALS_WIDTH = 1024
-"""Width of the texture that holds face normals, row by row."""
+DRAWING_THREADS = 128
+"""Of a work group of ``draw.comp``."""
 
-VERY_FAR_M = 1e30
-"""Stands for no far limit [m]."""
+CLEARING_THREADS = 256
+"""Of a work group of ``clear.comp``."""
+
+THREAD_PIXELS = 16
+"""About so many pixels are drawn by a thread; a triangle that has more is shared by several."""
+
+MOST_SIDE = 16
+"""Root of the most threads that share a triangle."""
+
+PIXEL_BYTES = 8
+"""Of a picture: 1/z and face."""
+
+N_RAW = 12
+"""Numbers that a work group sums."""
+
+GRID = np.dtype([("corner", "f4", 4), ("shape", "i4", 4), ("faces", "i4", 2), ("", "i4", 2)])
+"""A model's colours in ``colour.comp``."""
 
 
-class Framebuffer:
-    """A framebuffer of (z, face) with a depth buffer, grown when more is asked for."""
+class Storage:
+    """A buffer that is made once, and made larger when more is asked for."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._size = (0, 0)
-        self.texture: moderngl.Texture
-        self.framebuffer: moderngl.Framebuffer
+        self.buffer = context.buffer(reserve=64, dynamic=True)
 
-    def clear(self, width: int, height: int) -> None:
-        """Empties it, at least (width, height) [px] large."""
-        if width > self._size[0] or height > self._size[1]:
-            self._size = max(width, self._size[0]), max(height, self._size[1])
-            self.texture = self._context.texture(self._size, 2, dtype="f4")
-            self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            depth = self._context.depth_renderbuffer(self._size)
-            self.framebuffer = self._context.framebuffer([self.texture], depth)
-        self.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0, viewport=(0, 0, width, height))
+    def holding(self, n_bytes: int) -> moderngl.Buffer:
+        """The buffer, with room for at least so many bytes; what it held is lost where it grows."""
+        if n_bytes > self.buffer.size:
+            self.buffer = self._context.buffer(reserve=n_bytes, dynamic=True)
+        return self.buffer
 
-    def read(self, width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """Z (height, width) [m] and face of the lower corner."""
-        raw = self.framebuffer.read((0, 0, width, height), components=2, dtype="f4")
-        pixels = np.frombuffer(raw, np.float32).reshape(height, width, 2)
-        return pixels[:, :, 0].copy(), pixels[:, :, 1].astype(np.int64)
+    def write(self, array: NDArray) -> moderngl.Buffer:
+        """The buffer, with an array at its beginning."""
+        buffer = self.holding(array.nbytes)
+        buffer.write(array)
+        return buffer
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A batch whose pictures are drawn."""
+
+    meshes: RenderMeshes
+    n: int
+    """Combinations."""
+    camera: Intrinsics
+
+
+@dataclass(frozen=True)
+class MeshBuffers:
+    """Meshes as the shaders read them."""
+
+    vertices: moderngl.Buffer
+    faces: moderngl.Buffer
+    normals: moderngl.Buffer
 
 
 class GlPasses:
-    """Programs, buffers and textures of one context."""
+    """Programs and buffers of one context."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self.context = context
         # What Python no longer references is released at the next call, in the thread that owns the context.
         context.gc_mode = "context_gc"
-        self.atlas = Framebuffer(context)
-        self.placed = Framebuffer(context)
-        self._draw = context.program(_shader("draw.vert"), _shader("draw.frag"))
-        self._score = context.program(_shader("whole.vert"), _shader("score.frag"))
-        self._reduce = context.program(_shader("whole.vert"), _shader("reduce.frag"))
-        self._score_all = context.vertex_array(self._score, [])
-        self._reduce_all = context.vertex_array(self._reduce, [])
-        self._colour = context.program(_shader("whole.vert"), _shader("colour.frag"))
-        self._colour_all = context.vertex_array(self._colour, [])
-        self._meshes: WeakKeyDictionary[RenderMesh, moderngl.VertexArray] = WeakKeyDictionary()
-        self._normals: WeakKeyDictionary[RenderMeshes, moderngl.Texture] = WeakKeyDictionary()
-        self._targets: WeakKeyDictionary[PreparedTarget, dict[str, moderngl.Texture | moderngl.TextureArray]]
-        self._targets = WeakKeyDictionary()
-        self._grids: WeakKeyDictionary[ColourGrid, moderngl.Texture3D] = WeakKeyDictionary()
-        self._images: WeakKeyDictionary[SceneColours, moderngl.Texture] = WeakKeyDictionary()
-        self._max_side = int(context.info["GL_MAX_TEXTURE_SIZE"])
+        self._clear = context.compute_shader(_source("pictures.glsl", "clear.comp"))
+        self._draw = context.compute_shader(_source("pictures.glsl", "draw.comp"))
+        self._score = context.compute_shader(_source("pictures.glsl", "sum.glsl", "score.comp"))
+        self._colour = context.compute_shader(_source("pictures.glsl", "sum.glsl", "colour.comp"))
+        self._combinations, self._pictures = Storage(context), Storage(context)
+        self._placed, self._sums, self._read = Storage(context), Storage(context), Storage(context)
+        self._meshes: WeakKeyDictionary[RenderMeshes, MeshBuffers] = WeakKeyDictionary()
+        self._targets: WeakKeyDictionary[PreparedTarget, tuple[moderngl.Buffer, moderngl.Buffer]] = WeakKeyDictionary()
+        self._colours: WeakKeyDictionary[SceneColours, tuple[moderngl.Buffer, ...]] = WeakKeyDictionary()
 
     def collect(self) -> None:
         """Releases what is no longer referenced."""
         self.context.gc()
 
-    def batches(self, windows: Windows) -> Iterator[tuple[int, int]]:
-        """Ranges of combinations whose tiles fit into one atlas."""
-        columns, rows = _tile(_joint(windows))
-        per_atlas = min(
-            (self._max_side // columns) * (self._max_side // rows), max(1, ATLAS_PIXELS // (columns * rows))
-        )
-        for first in range(0, len(windows), per_atlas):
-            yield first, min(first + per_atlas, len(windows))
+    def draw(self, meshes: RenderMeshes, Ts: Float, windows: Windows, camera: Intrinsics, far: float) -> Drawn:
+        """Passes 1 and 2: the window of the image that holds each combination (N, m, 4, 4), all at once."""
+        joint = joint_windows(windows)
+        n_pixels = int((joint[:, 2] * joint[:, 3]).sum())
+        pictures = self._empty(self._pictures, n_pixels)
+        groups = self._draw_into(pictures, meshes, Ts, windows, joint, camera, far)
+        self._draw["find_faces"] = True
+        self._run(self._draw, *groups)
+        return Drawn(meshes, len(Ts), camera)
 
-    def draw_tiles(self, meshes: RenderMeshes, Ts: Float, windows: Windows, camera: Intrinsics, far: float) -> None:
-        """Pass 1: the window of the image that holds each combination (N, m, 4, 4) into its tile of the atlas."""
-        joint = _joint(windows)
-        columns, rows = _tile(joint)
-        per_row = self._tiles_per_row(joint)
-        self.atlas.clear(min(per_row, len(Ts)) * columns, -(-len(Ts) // per_row) * rows)
-        for i in range(len(Ts)):
-            corner = (i % per_row) * columns, (i // per_row) * rows
-            shown = [k for k in range(len(meshes.meshes)) if windows[i, k, 2] > 0]
-            items = [(meshes.meshes[k], Ts[i, k]) for k in shown]
-            first_faces = [int(meshes.face_starts[k]) for k in shown]
-            self._draw_together(self.atlas, corner, items, first_faces, joint[i], camera, far)
-
-    def draw_scene(
-        self, items: list[tuple[RenderMesh, Float]], shape: tuple[int, int], camera: Intrinsics, far: float
+    def draw_placed(
+        self, items: Sequence[tuple[RenderMeshes, Float]], shape: tuple[int, int], camera: Intrinsics
     ) -> None:
-        """Several models into one whole image (height, width), ``placed``."""
-        height, width = shape
-        self.placed.clear(width, height)
-        whole = np.array([0, 0, width, height])
-        drawn = [(mesh, T) for mesh, T in items if np.isfinite(T).all()]
-        self._draw_together(self.placed, (0, 0), drawn, [0] * len(drawn), whole, camera, far)
+        """Single models (4, 4) into one whole image (height, width), which may hide what is scored."""
+        whole = np.array([[0, 0, shape[1], shape[0]]])
+        picture = self._empty(self._placed, shape[0] * shape[1])
+        for meshes, T in items:
+            self._draw_into(picture, meshes, T[None, None], whole[None], whole, camera, np.inf)
 
     def sums(
-        self,
-        prepared: PreparedTarget,
-        meshes: RenderMeshes,
-        Ts: Float,
-        windows: Windows,
-        camera: Intrinsics,
-        has_placed: bool,
-        rule: tuple[int, float, float],
+        self, drawn: Drawn, prepared: PreparedTarget, has_placed: bool, rule: tuple[int, float, float]
     ) -> NDArray[np.float32]:
-        """Passes 2 and 3: the sums (N, 3, 4) of ``score.frag``'s three outputs over each combination's tile.
+        """Pass 3: the sums (N, 3, 4) of ``score.comp`` over each combination's window.
 
         Args:
+            drawn: what :meth:`draw` has drawn last.
             prepared: what was observed.
-            meshes: as in :meth:`draw_tiles`.
-            Ts: as there.
-            windows: as there.
-            camera: (fx, fy, cx, cy) [px].
-            has_placed: whether ``placed`` holds objects that may hide others.
+            has_placed: whether objects that may hide others are drawn.
             rule: (pixels, τ, α).
         """
-        inputs, values = self._tiles(meshes, Ts, windows, camera)
-        placed = self.placed.texture if has_placed else self.atlas.texture
-        inputs = {**inputs, **self._target(prepared), "placed": placed}
+        results = self._sums.holding(4 * N_RAW * drawn.n)
+        placed = self._placed.buffer if has_placed else self._pictures.buffer
+        target, normals = self._target(prepared), self._mesh(drawn.meshes).normals
+        _bind(self._combinations.buffer, self._pictures.buffer, results, *target, normals, placed)
         of_rule = dict(zip(("pixels", "tau_m", "alpha"), rule, strict=True))
-        _bind(self._score, inputs, {**values, **of_rule, "has_placed": has_placed})
-        return self._summed(self._score_all, len(Ts), _tile(_joint(windows))[1])
+        _set(self._score, **_frame(drawn, prepared), **of_rule, has_placed=has_placed)
+        self._run(self._score, drawn.n)
+        return np.frombuffer(results.read(4 * N_RAW * drawn.n), np.float32).reshape(drawn.n, 3, 4)
 
-    def colour_sums(
+    def colour_sums(self, drawn: Drawn, prepared: PreparedTarget, colours: SceneColours, tau_m: float) -> Float:
+        """Pass 4: what f_c of each model is made of, (N, m, ``N_COLOUR_SUMS``).
+
+        Args:
+            drawn: what :meth:`draw` has drawn last.
+            prepared: what was observed.
+            colours: of the models and of the image.
+            tau_m: depth tolerance [m].
+        """
+        m = len(drawn.meshes.meshes)
+        results = self._sums.holding(4 * N_RAW * drawn.n * m)
+        inputs = *self._target(prepared), *self._colours_of(colours, drawn.meshes)
+        _bind(self._combinations.buffer, self._pictures.buffer, results, *inputs)
+        _set(self._colour, **_frame(drawn, prepared), tau_m=tau_m)
+        self._run(self._colour, drawn.n, m)
+        raw = np.frombuffer(results.read(4 * N_RAW * drawn.n * m), np.float32)
+        return raw.reshape(drawn.n, m, N_RAW)[:, :, :N_COLOUR_SUMS].astype(np.float64)
+
+    def picture(self, shape: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """Z (height, width) [m], 0 = empty, and face; of the one combination that is drawn, in a window as large."""
+        return self._read_picture(self._pictures, shape)
+
+    def placed_depth(self, shape: tuple[int, int]) -> NDArray[np.float32]:
+        """Z (height, width) [m] of what :meth:`draw_placed` has drawn; 0 = empty."""
+        return self._read_picture(self._placed, shape)[0]
+
+    def _empty(self, storage: Storage, n_pixels: int) -> moderngl.Buffer:
+        """Pictures of so many pixels, empty. By a pass: OpenGL's own clearing may move the buffer to the CPU."""
+        pictures, n_words = storage.holding(PIXEL_BYTES * n_pixels), PIXEL_BYTES // 4 * n_pixels
+        _bind(self._combinations.buffer, pictures)
+        self._clear["n_words"] = n_words
+        self._run(self._clear, min(-(-n_words // CLEARING_THREADS), MOST_GROUPS))
+        return pictures
+
+    def _draw_into(
         self,
-        prepared: PreparedTarget,
-        colours: SceneColours,
+        pictures: moderngl.Buffer,
         meshes: RenderMeshes,
         Ts: Float,
         windows: Windows,
-        camera: Intrinsics,
-        tau_m: float,
-    ) -> Float:
-        """Passes 2 and 3 of the colour term: what f_c of each model is made of, (N, m, ``N_COLOUR_SUMS``).
-
-        Args:
-            prepared: what was observed.
-            colours: of the models and of the image.
-            meshes: as in :meth:`draw_tiles`.
-            Ts: as there.
-            windows: as there.
-            camera: (fx, fy, cx, cy) [px].
-            tau_m: depth tolerance [m].
-        """
-        out = np.zeros((*Ts.shape[:2], N_COLOUR_SUMS))
-        inputs, values = self._tiles(meshes, Ts, windows, camera)
-        seen = self._target(prepared)
-        inputs = {**inputs, "observed": seen["observed"], "own": seen["own"], "image": self._image(colours)}
-        for k, grid in enumerate(colours.grids):
-            if grid is not None:
-                own = {"model": k, "origin_m": tuple(grid.origin_m), "per_metre": 1 / grid.cell_m, "tau_m": tau_m}
-                _bind(self._colour, {**inputs, "cells": self._cells(grid)}, {**values, **own})
-                sums = self._summed(self._colour_all, len(Ts), _tile(_joint(windows))[1])
-                out[:, k] = sums.reshape(len(Ts), 12)[:, :N_COLOUR_SUMS]
-        return out
-
-    def _tiles(
-        self, meshes: RenderMeshes, Ts: Float, windows: Windows, camera: Intrinsics
-    ) -> tuple[Mapping[str, AnyTexture], Mapping[str, object]]:
-        """What pass 2 is given of the drawn tiles: textures and values."""
-        joint, (n, m) = _joint(windows), Ts.shape[:2]
-        # What is not drawn may hold numbers that no texture can.
-        drawn = np.where(windows[:, :, 2, None, None] > 0, Ts, np.eye(4))
-        pose_rows = np.concatenate([drawn[:, :, :3].reshape(n, 3 * m, 4), joint[:, None]], axis=1).astype("f4")
-        poses = self.context.texture((3 * m + 1, n), 4, pose_rows.tobytes(), dtype="f4")
-        inputs = {"atlas": self.atlas.texture, "poses": poses, "face_normals": self._face_normals(meshes)}
-        per_row = self._tiles_per_row(joint)
-        return inputs, {"camera": camera, "tile": _tile(joint), "tiles_per_row": per_row, "n_models": m}
-
-    def _summed(self, everywhere: moderngl.VertexArray, n: int, rows: int) -> NDArray[np.float32]:
-        """Pass 2, for whose program all is bound, and pass 3: its three outputs (n, 3, 4) summed over each tile."""
-        context = self.context
-        by_row = [context.texture((rows, n), 4, dtype="f4") for _ in range(3)]
-        by_pose = context.texture((n, 3), 4, dtype="f4")
-        row_target = context.framebuffer(by_row)
-        row_target.use()
-        everywhere.render(vertices=3)
-        _bind(self._reduce, {f"rows_{k}": texture for k, texture in enumerate(by_row)}, {"n_rows": rows})
-        pose_target = context.framebuffer([by_pose])
-        pose_target.use()
-        self._reduce_all.render(vertices=3)
-        result = np.frombuffer(pose_target.read(components=4, dtype="f4"), np.float32).reshape(3, n, 4)
-        return result.transpose(1, 0, 2)
-
-    def _draw_together(
-        self,
-        surface: Framebuffer,
-        corner: tuple[int, int],
-        items: list[tuple[RenderMesh, Float]],
-        first_faces: list[int],
-        window: NDArray[np.int64],
+        joint: NDArray[np.int64],
         camera: Intrinsics,
         far: float,
-    ) -> None:
-        """Models at their poses into one window, which lies at ``corner`` of the surface."""
-        if not items:
-            return
-        x0, y0, columns, rows = (int(k) for k in window)
-        nearest = min(T[2, 3] - mesh.radius_m for mesh, T in items)
-        farthest = max(T[2, 3] + mesh.radius_m for mesh, T in items)
-        surface.framebuffer.use()
-        self.context.viewport = (*corner, columns, rows)
-        self.context.enable_only(moderngl.DEPTH_TEST)
-        # OpenGL takes matrices column by column.
-        self._draw["projection"] = tuple(_projection(camera, (x0, y0, columns, rows), nearest, farthest).T.ravel())
-        self._draw["far_m"] = min(far, VERY_FAR_M)
-        for (mesh, T), first_face in zip(items, first_faces, strict=True):
-            self._draw["T_cam_obj"] = tuple(T.T.ravel())
-            self._draw["first_face"] = first_face
-            self._mesh(mesh).render(moderngl.TRIANGLES)
-        self.context.enable_only(moderngl.NOTHING)
+    ) -> tuple[int, int, int]:
+        """Pass 1: the nearest 1/z of every pixel of pictures that are empty, or hold other models.
 
-    def _tiles_per_row(self, joint: NDArray[np.int64]) -> int:
-        columns, rows = _tile(joint)
-        square = int(np.ceil(np.sqrt(len(joint) * rows / columns)))
-        return max(1, min(square, self._max_side // columns))
+        Returns:
+            The work groups.
+        """
+        combinations = self._combinations.write(_combinations(meshes, Ts, windows, joint))
+        mesh = self._mesh(meshes)
+        _bind(combinations, pictures, mesh.vertices, mesh.faces)
+        side, m = _side(joint, len(meshes.faces)), len(meshes.meshes)
+        sizes = {"n_models": m, "side": side}
+        _set(self._draw, **sizes, find_faces=False, camera=camera, near_m=NEAR_M, least_inv_z=1 / far)
+        n_threads = int(np.diff(meshes.face_starts).max()) * side**2
+        groups = min(-(-n_threads // DRAWING_THREADS), MOST_GROUPS), len(Ts), m
+        self._run(self._draw, *groups)
+        return groups
 
-    def _mesh(self, mesh: RenderMesh) -> moderngl.VertexArray:
-        if mesh not in self._meshes:
-            vertices = self.context.buffer(mesh.vertices.astype("f4").tobytes())
-            indices = self.context.buffer(mesh.faces.astype("i4").tobytes())
-            self._meshes[mesh] = self.context.vertex_array(self._draw, [(vertices, "3f", "in_position")], indices)
-        return self._meshes[mesh]
+    def _run(self, shader: moderngl.ComputeShader, x: int, y: int = 1, z: int = 1) -> None:
+        """A pass; the next one sees what it wrote."""
+        if x > 0 and y > 0:
+            shader.run(x, y, z)
+            self.context.memory_barrier()
 
-    def _face_normals(self, meshes: RenderMeshes) -> moderngl.Texture:
-        """Normal and number of the model of every face."""
-        if meshes not in self._normals:
-            n_faces = len(meshes.faces)
-            height = -(-n_faces // NORMALS_WIDTH)
-            normals = np.zeros((height * NORMALS_WIDTH, 4), "f4")
-            normals[:n_faces, :3] = meshes.face_normals
-            normals[:n_faces, 3] = meshes.model_of(np.arange(n_faces))
-            texture = self.context.texture((NORMALS_WIDTH, height), 4, normals.tobytes(), dtype="f4")
-            self._normals[meshes] = texture
-        return self._normals[meshes]
+    def _read_picture(self, storage: Storage, shape: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        n_bytes = PIXEL_BYTES * shape[0] * shape[1]
+        # A buffer that the CPU reads may stay with the CPU, so that is never the one that is drawn into.
+        copy = self._read.holding(n_bytes)
+        self.context.copy_buffer(copy, storage.buffer, n_bytes)
+        words = np.frombuffer(copy.read(n_bytes), np.uint32).reshape(*shape, 2)
+        inv_z = np.ascontiguousarray(words[:, :, 0]).view(np.float32)
+        drawn = inv_z > 0
+        depth = np.divide(1, inv_z, out=np.zeros(shape, np.float32), where=drawn)
+        return depth, np.where(drawn, words[:, :, 1], 0).astype(np.int64)
 
-    def _cells(self, grid: ColourGrid) -> moderngl.Texture3D:
-        if grid not in self._grids:
-            x, y, z, _ = grid.cells.shape
-            self._grids[grid] = self.context.texture3d((z, y, x), 3, grid.cells.tobytes(), dtype="f4")
-        return self._grids[grid]
+    def _mesh(self, meshes: RenderMeshes) -> MeshBuffers:
+        if meshes not in self._meshes:
+            model = meshes.model_of(np.arange(len(meshes.faces)))
+            corners = meshes.faces + meshes.vertex_starts[model, None]
+            faces = np.column_stack([corners, meshes.closed]).astype("i4")
+            vertices = np.pad(meshes.vertices, ((0, 0), (0, 1))).astype("f4")
+            normals = np.column_stack([meshes.face_normals, model]).astype("f4")
+            self._meshes[meshes] = MeshBuffers(*(self.context.buffer(a.tobytes()) for a in (vertices, faces, normals)))
+        return self._meshes[meshes]
 
-    def _image(self, colours: SceneColours) -> moderngl.Texture:
-        if colours not in self._images:
-            height, width, _ = colours.observed.shape
-            self._images[colours] = self.context.texture((width, height), 3, colours.observed.tobytes(), dtype="f4")
-        return self._images[colours]
-
-    def _target(self, prepared: PreparedTarget) -> dict[str, moderngl.Texture | moderngl.TextureArray]:
+    def _target(self, prepared: PreparedTarget) -> tuple[moderngl.Buffer, moderngl.Buffer]:
+        """Observed frame and flags."""
         if prepared not in self._targets:
-            m, height, width = prepared.own.shape
-            size, own = (width, height), prepared.own & OWN
-            self._targets[prepared] = {
-                "observed": self.context.texture(size, 4, prepared.observed.tobytes(), dtype="f4"),
-                "flags": self.context.texture(size, 1, prepared.flags.tobytes(), alignment=1, dtype="u1"),
-                "own": self.context.texture_array((*size, m), 1, own.tobytes(), alignment=1, dtype="u1"),
-            }
+            flags = np.concatenate([prepared.flags[None], prepared.own]).ravel()
+            words = np.pad(flags, (0, -len(flags) % 4))
+            observed, packed = prepared.observed.tobytes(), words.tobytes()
+            self._targets[prepared] = self.context.buffer(observed), self.context.buffer(packed)
         return self._targets[prepared]
 
+    def _colours_of(self, colours: SceneColours, meshes: RenderMeshes) -> tuple[moderngl.Buffer, ...]:
+        """Image, cells and grids."""
+        if colours not in self._colours:
+            cells, starts, shapes, origins, per_metre, image = colours.arrays
+            grids = np.zeros(len(shapes), GRID)
+            grids["corner"] = np.column_stack([origins, per_metre])
+            grids["shape"] = np.column_stack([shapes, starts[:-1]])
+            grids["faces"] = np.column_stack([meshes.face_starts[:-1], meshes.face_starts[1:]])
+            self._colours[colours] = tuple(self.context.buffer(array.tobytes()) for array in (image, cells, grids))
+        return self._colours[colours]
 
-def _joint(windows: Windows) -> NDArray[np.int64]:
+
+def batches(windows: Windows) -> Iterator[slice]:
+    """Ranges of combinations whose pictures fit into one buffer; at least one each."""
+    joint = joint_windows(windows)
+    ends = np.cumsum(joint[:, 2] * joint[:, 3])
+    first = 0
+    while first < len(windows):
+        before = ends[first - 1] if first else 0
+        fit = int(np.searchsorted(ends, before + BATCH_PIXELS, side="right"))
+        last = min(max(fit, first + 1), first + MOST_GROUPS)
+        yield slice(first, last)
+        first = last
+
+
+def joint_windows(windows: Windows) -> NDArray[np.int64]:
     """(N, 4) the window that holds all models of a combination [px]; 0 columns where none shows."""
     shows = windows[:, :, 2:3] > 0
     first = np.where(shows, windows[:, :, :2], np.iinfo(np.int64).max).min(axis=1)
@@ -296,42 +283,47 @@ def _joint(windows: Windows) -> NDArray[np.int64]:
     return np.where(shows.any(axis=1), np.concatenate([first, last - first], axis=1), 0)
 
 
-def _tile(joint: NDArray[np.int64]) -> tuple[int, int]:
-    """(columns, rows) that hold every window [px]."""
-    if len(joint) == 0:
-        return 1, 1
-    return max(1, int(joint[:, 2].max())), max(1, int(joint[:, 3].max()))
+def _combinations(meshes: RenderMeshes, Ts: Float, windows: Windows, joint: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Combinations (N, 2 + 4 m, 4) as ``pictures.glsl`` says."""
+    n, m = Ts.shape[:2]
+    out = np.zeros((n, 2 + 4 * m, 4), np.float32)
+    out[:, 0] = joint
+    out[1:, 1, 0] = np.cumsum(joint[:-1, 2] * joint[:-1, 3])
+    # What is not drawn may hold numbers that no 32-bit float can.
+    shows = windows[:, :, 2] > 0
+    drawn = np.where(shows[:, :, None, None], Ts, 0)
+    poses = out[:, 2:].reshape(n, m, 4, 4)
+    poses[:, :, :3] = drawn[:, :, :3]
+    poses[:, :, 3, 0] = drawn[:, :, 2, 3] - [mesh.radius_m for mesh in meshes.meshes] > NEAR_M
+    poses[:, :, 3, 1] = meshes.face_starts[:-1]
+    poses[:, :, 3, 2] = np.diff(meshes.face_starts) * shows
+    return out
 
 
-def _projection(camera: Intrinsics, window: tuple[int, int, int, int], nearest: float, farthest: float) -> Float:
-    """Clip space from the camera frame for a window of the image, depth between two z [m], a little widened."""
-    fx, fy, cx, cy = camera
-    x0, y0, columns, rows = window
-    near = max(NEAR_M, nearest - 0.01 * (farthest - nearest))
-    far = max(farthest + 0.01 * (farthest - nearest), 2.0 * near)
-    # A fragment's centre is at half a pixel of the viewport: image column u is at x = u − x0 + 1/2.
-    return np.array(
-        [
-            [2 * fx / columns, 0, 2 * (cx - x0 + 0.5) / columns - 1, 0],
-            [0, 2 * fy / rows, 2 * (cy - y0 + 0.5) / rows - 1, 0],
-            [0, 0, (far + near) / (far - near), -2 * far * near / (far - near)],
-            [0, 0, 1, 0],
-        ]
-    )
+def _side(joint: NDArray[np.int64], n_faces: int) -> int:
+    """Root of the threads that share a triangle: a power of two."""
+    pixels = float((joint[:, 2] * joint[:, 3]).mean()) / max(n_faces, 1) if len(joint) else 0.0
+    side = math.sqrt(pixels / THREAD_PIXELS)
+    return min(MOST_SIDE, 1 << int(math.log2(max(side, 1.0))))
 
 
-def _bind(
-    program: moderngl.Program,
-    textures: Mapping[str, AnyTexture],
-    values: Mapping[str, object],
-) -> None:
-    for unit, (name, texture) in enumerate(textures.items()):
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        texture.use(unit)
-        program[name] = unit
+def _frame(drawn: Drawn, prepared: PreparedTarget) -> dict[str, object]:
+    """What passes that sum know of a frame."""
+    height, width = prepared.flags.shape
+    sizes = {"n_models": len(drawn.meshes.meshes), "width": width, "n_pixels": height * width}
+    return {**sizes, "camera": drawn.camera}
+
+
+def _bind(*buffers: moderngl.Buffer) -> None:
+    for binding, buffer in enumerate(buffers):
+        buffer.bind_to_storage_buffer(binding)
+
+
+def _set(shader: moderngl.ComputeShader, **values: object) -> None:
     for name, value in values.items():
-        program[name] = value
+        shader[name] = value
 
 
-def _shader(name: str) -> str:
-    return (resources.files("verefine_viz.rendering") / "shaders" / name).read_text(encoding="utf-8")
+def _source(*names: str) -> str:
+    folder = resources.files("verefine_viz.rendering") / "shaders"
+    return "\n".join((folder / name).read_text(encoding="utf-8") for name in names)

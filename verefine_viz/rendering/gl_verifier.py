@@ -1,4 +1,4 @@
-"""The verification score on the GPU: poses as tiles of one atlas, summed there, a few numbers read back."""
+"""The verification score on the GPU: all poses of a batch drawn and summed there at once, a few numbers read back."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arrays import Float, writable
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -17,8 +17,9 @@ from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.colour import N_COLOUR_SUMS
 from verefine_viz.rendering.gl_context import create_context
-from verefine_viz.rendering.gl_passes import GlPasses
+from verefine_viz.rendering.gl_passes import GlPasses, batches
 from verefine_viz.rendering.prepared import far_m, intrinsics
+from verefine_viz.rendering.rasterizer import is_drawable
 from verefine_viz.rendering.score_kernels import windows
 from verefine_viz.rendering.verifier import (
     NOTHING_PLACED,
@@ -31,9 +32,9 @@ from verefine_viz.rendering.verifier import (
 
 
 class GlVerifier(RenderingVerifier):
-    """Scores poses with OpenGL 3.3; belongs to the thread that uses it first, where its context is made.
+    """Scores poses with OpenGL 4.3; belongs to the thread that uses it first, where its context is made.
 
-    Every call raises an UnavailableError where there is no OpenGL, or when another thread than before makes it.
+    Every call raises an UnavailableError where there is no OpenGL 4.3, or when another thread than before makes it.
     """
 
     name = "gl"
@@ -58,12 +59,11 @@ class GlVerifier(RenderingVerifier):
         shown = windows(Ts, meshes.arrays, camera, frame.height, frame.width)
         raw, colours = np.zeros((len(Ts), 3, 4)), self._colours.scene(targets)
         colour_sums = np.zeros((len(Ts), len(targets), N_COLOUR_SUMS))
-        for first, last in passes.batches(shown):
-            part = Ts[first:last], shown[first:last], camera
-            passes.draw_tiles(meshes, *part, far_m(settings))
-            raw[first:last] = passes.sums(prepared, meshes, *part, has_placed, rule_of(settings))
+        for part in batches(shown):
+            drawn = passes.draw(meshes, Ts[part], shown[part], camera, far_m(settings))
+            raw[part] = passes.sums(drawn, prepared, has_placed, rule_of(settings))
             if colours is not None:
-                colour_sums[first:last] = passes.colour_sums(prepared, colours, meshes, *part, settings.tau_m)
+                colour_sums[part] = passes.colour_sums(drawn, prepared, colours, settings.tau_m)
         sums = _columns(raw, prepared.n_own, prepared.n_objects, settings.pixels)
         return scores_from_sums(sums, colour_sums, colours, settings)
 
@@ -80,22 +80,20 @@ class GlVerifier(RenderingVerifier):
         frame = targets[0].observation.camera
         camera = intrinsics(frame, settings)
         has_placed = self._draw_placed(passes, targets, placed)
-        placed_m = passes.placed.read(frame.width, frame.height)[0] if has_placed else NOTHING_PLACED
+        placed_m = passes.placed_depth(frame.shape) if has_placed else NOTHING_PLACED
         shows = windows(Ts[None], meshes.arrays, camera, frame.height, frame.width)[0, :, 2] > 0
         whole = np.where(shows[:, None], [0, 0, frame.width, frame.height], 0)
+        drawn = passes.draw(meshes, Ts[None], whole[None], camera, far_m(settings))
         depth, face_of = np.zeros(frame.shape, np.float32), np.zeros(frame.shape, np.int64)
         if shows.any():
-            passes.draw_tiles(meshes, Ts[None], whole[None], camera, far_m(settings))
-            depth, face_of = passes.atlas.read(frame.width, frame.height)
+            depth, face_of = passes.picture(frame.shape)
         at = at or PixelGrid.whole(frame.shape)
         seen = np.ix_(at.rows, at.columns)
         prepared, colours = self._targets.scene(targets, whole_frame), self._colours.scene(targets)
         maps = score_maps(meshes, Ts, at, depth[seen], face_of[seen], camera, prepared, placed_m, settings)
         if colours is None:
             return maps
-        sums = np.zeros((len(targets), N_COLOUR_SUMS))
-        if shows.any():
-            sums = passes.colour_sums(prepared, colours, meshes, Ts[None], whole[None], camera, settings.tau_m)[0]
+        sums = passes.colour_sums(drawn, prepared, colours, settings.tau_m)[0]
         return with_colours(maps, colours, sums, Ts, at, meshes.model_of(face_of[seen]), camera)
 
     def close(self) -> None:
@@ -125,8 +123,8 @@ class GlVerifier(RenderingVerifier):
             return False
         if key != self._placed_key:
             frame = targets[0].observation.camera
-            items = [(self._meshes.get(p.model), p.T_cam_obj) for p in others]
-            passes.draw_scene(items, frame.shape, intrinsics(frame, self.settings), np.inf)
+            drawn = [(self._meshes.together([p.model]), T) for p in others if is_drawable(T := writable(p.T_cam_obj))]
+            passes.draw_placed(drawn, frame.shape, intrinsics(frame, self.settings))
             self._placed_key = key
         return True
 
