@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from verefine_viz.batch.remedy_table import FixRow
+from verefine_viz.batch.fix_files import FixRow
 from verefine_viz.core.causes import CAUSES, RERUN_NUMBERS, Cause
 from verefine_viz.core.remedies import Remedy
 from verefine_viz.run.answers import COLUMNS

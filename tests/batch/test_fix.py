@@ -16,9 +16,9 @@ from tests.batch.frames import batch_here, command
 from tests.batch.killed_batches import killed_until_done
 from tests.light_frames import write_light_frames
 from verefine_viz.batch.fix_command import FixRequest
+from verefine_viz.batch.fix_files import CSV_FILE, FIX_FILE, FixTable
 from verefine_viz.batch.fix_thread import FixState, FixThread
 from verefine_viz.batch.index import read_batch
-from verefine_viz.batch.remedy_table import CSV_FILE, FIX_FILE, FixTable
 from verefine_viz.core.files import read_json
 
 pytestmark = pytest.mark.usefixtures("processes")

@@ -12,18 +12,9 @@ from msgspec import structs
 from tests.made_runs import answer, because
 from tests.report.runs import row, write_run
 from verefine_viz.batch.fix_command import FixRequest, write_sessions
+from verefine_viz.batch.fix_files import CSV_FILE, EVERY_CAUSE, FixRow, FixTable, read_fix, write_fix
 from verefine_viz.batch.index import read_batch
-from verefine_viz.batch.remedy_table import (
-    CSV_FILE,
-    EVERY_CAUSE,
-    FixRow,
-    FixTable,
-    fits_better,
-    net_gain,
-    read_fix,
-    wilson,
-    write_fix,
-)
+from verefine_viz.batch.remedy_table import fits_better, net_gain, wilson
 from verefine_viz.batch.remedy_trials import Trial, remedied, trials_of
 from verefine_viz.core.causes import CAUSES, Cause
 from verefine_viz.core.errors import SettingsError

@@ -10,7 +10,7 @@ from tests.made_runs import because
 from tests.page.conftest import Posted
 from tests.report.runs import row, write_run
 from verefine_viz.batch.fix_command import FixRequest
-from verefine_viz.batch.remedy_table import write_fix
+from verefine_viz.batch.fix_files import write_fix
 from verefine_viz.core.causes import Cause
 from verefine_viz.core.errors import InputError
 from verefine_viz.page import protocol as p

@@ -10,22 +10,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from verefine_viz.batch.batch_command import solved_jobs
+from verefine_viz.batch.fix_files import CSV_FILE, FixRow, FixTable, best_row, fix_folder, write_fix
 from verefine_viz.batch.index import BatchIndex, find_runs, has_finished_frame, read_batch
-from verefine_viz.batch.remedy_table import (
-    CSV_FILE,
-    EVERY_CAUSE,
-    FixRow,
-    FixTable,
-    best_row,
-    fix_folder,
-    fix_table,
-    write_fix,
-)
+from verefine_viz.batch.remedy_table import fix_table
 from verefine_viz.batch.remedy_trials import TOGETHER, Trial, check_trials, jobs_of, remedied, trials_of
 from verefine_viz.batch.run_batch import Backend
 from verefine_viz.batch.runs import RUN_FILE
 from verefine_viz.batch.terminal import Terminal
-from verefine_viz.core.causes import cause_title
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.run.session_file import save_session
 
@@ -113,7 +104,7 @@ def printed(table: FixTable) -> Table:
     for row in table.rows:
         gained, fit = f"{row.came_right} of {row.tried}", row.judged_by == "fit"
         numbers = [["", gained, str(row.worse)] if fit else [gained, "", ""], [gained]][not has_fit]
-        shown.add_row(escape(row.remedy), cause_words(row), *numbers, *_lost(row))
+        shown.add_row(escape(row.remedy), row.cause_words, *numbers, *_lost(row))
     return shown
 
 
@@ -121,13 +112,6 @@ def _lost(row: FixRow) -> tuple[str, str, str]:
     seconds = "–" if row.seconds_added is None else f"{row.seconds_added:+.1f}"
     net = f"{row.net_gain:+.1f} ({row.net_low:+.1f} to {row.net_high:+.1f})"
     return f"{row.broke} of {row.right_tried}", net, seconds
-
-
-def cause_words(row: FixRow) -> str:
-    """The cause of a row as tables show it."""
-    if row.cause == EVERY_CAUSE:
-        return "every cause"
-    return cause_title(row.cause) if row.cause else "unknown"
 
 
 def write_sessions(

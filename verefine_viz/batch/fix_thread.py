@@ -9,9 +9,9 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 
 from verefine_viz.batch.fix_command import FixRequest
+from verefine_viz.batch.fix_files import FixTable, write_fix
 from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.jobs import BatchJob, check_jobs
-from verefine_viz.batch.remedy_table import FixTable, write_fix
 from verefine_viz.batch.remedy_trials import check_trials, jobs_of
 from verefine_viz.batch.run_batch import Backend, BatchStatus, run_batch
 from verefine_viz.batch.worker_pool import Pool

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from msgspec import structs
 
 from verefine_viz.batch.answer_orders import Order, sort_key
+from verefine_viz.batch.fix_files import FIX_FOLDER
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.runs import RUN_FILE, BatchInfo, Runs, read_run
 from verefine_viz.core.arrays import Float
@@ -25,9 +26,6 @@ from verefine_viz.run.session_file import load_session
 
 if TYPE_CHECKING:
     from verefine_viz.batch.motion_table import MotionTrack
-
-FIX_FOLDER = "fix"
-"""Beside runs: batches of remedies that were tried on them."""
 
 
 @dataclass(frozen=True)

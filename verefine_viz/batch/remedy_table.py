@@ -2,106 +2,24 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import Literal
 
-import msgspec
-from msgspec import Struct
-
-from verefine_viz.batch.index import FIX_FOLDER, BatchIndex
+from verefine_viz.batch.fix_files import EVERY_CAUSE, FixAnswer, FixRow, FixTable
+from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.remedy_trials import KnownAnswer, Trial
 from verefine_viz.batch.runs import Runs
 from verefine_viz.core.causes import Cause
-from verefine_viz.core.errors import InputError
-from verefine_viz.core.files import read_json
 from verefine_viz.core.settings import Session
-from verefine_viz.core.writing import atomic, write_json
 from verefine_viz.diagnosis.signs import NEAR_TIE
 from verefine_viz.methods.known_methods import method_of
 from verefine_viz.run.record import Answer, RunEnd
 from verefine_viz.run.variants import scores_alike
 
-CSV_FILE, FIX_FILE = "fix.csv", "fix.json"
-EVERY_CAUSE = "all"
-"""Stands for the cause in the row of a remedy over all of its causes."""
-JudgedBy = Literal["ground truth", "fit"]
-"""fit: without ground truth, by what differs first: physics, score (Eq. 1), how far an answer is undetermined."""
 STAGES = ("read", "start", "iterate")
 """What of a frame's time a remedy changes; initial poses are made when it is read."""
 CLEARLY = 1.25
 """An answer that is undetermined so many times as far is less certain."""
-
-
-class FixRow(Struct, frozen=True, kw_only=True):
-    """What one remedy did for one cause. None = unknown.
-
-    ``make tables`` writes the docstrings of its fields into docs/tables.md.
-    """
-
-    remedy: str
-    """The setting, and what it becomes; several with ``+`` between them."""
-    cause: str
-    """Of the answers that it was tried on, one of docs/causes.md; ``all``: of every cause."""
-    judged_by: JudgedBy
-    """``ground truth``; ``fit``: without it, by physics, else the score (Eq. 1), else how far the answer is
-    undetermined: then an answer came out better or worse, which need not be right or wrong."""
-    tried: int
-    """Answers that were wrong or missing, without ground truth in doubt."""
-    came_right: int
-    """Of these, that are right with the remedy; without ground truth, that fit better."""
-    worse: int
-    """Of these, that fit worse; 0 with ground truth."""
-    right_tried: int
-    """Answers that were right, in the same frames and in those of the sample."""
-    broke: int
-    """Of these, that are wrong with the remedy, or fit worse."""
-    right_known: int
-    """All answers of the runs that were right."""
-    net_gain: float
-    """``came_right`` less ``worse`` and less what the remedy would break of all ``right_known``, at the rate at which
-    it broke those that were tried."""
-    net_low: float
-    """95 % interval of it, from Wilson's of each share."""
-    net_high: float
-    """Its upper end."""
-    seconds_added: float | None = None
-    """Time that the remedy adds to a frame, mean over those that were solved with it [s]."""
-
-
-class FixAnswer(Struct, frozen=True, kw_only=True):
-    """One answer before and after a remedy."""
-
-    remedy: str
-    cause: str
-    run: str
-    """Name of its batch's folder."""
-    folder: str
-    """Of the batch with the remedy, below the folder of the table."""
-    frame: str
-    instance_id: int | None
-    name: str
-    by_truth: bool
-    was_bad: bool
-    change: int
-    """1: came right, or fits better; -1: broke, or fits worse; 0: neither."""
-    errors_mm: tuple[float | None, float | None]
-    """ADD(-S) before and after."""
-    scores: tuple[float | None, float | None]
-
-
-class FixTable(Struct, frozen=True):
-    """The content of fix.json."""
-
-    seed: int
-    every: bool
-    together: tuple[str, ...]
-    """Remedies that were tried at once."""
-    rows: tuple[FixRow, ...]
-    """Largest net gain first."""
-    answers: tuple[FixAnswer, ...]
 
 
 def fix_table(
@@ -267,46 +185,3 @@ def wilson(k: int, n: int, z: float = 1.959964) -> tuple[float, float]:
     half = z * math.sqrt(share * (1 - share) / n + w / (4 * n))
     middle = share + w / 2
     return max(0.0, (middle - half) / (1 + w)), min(1.0, (middle + half) / (1 + w))
-
-
-def write_fix(table: FixTable, folder: Path) -> None:
-    """Write fix.csv and fix.json.
-
-    Raises:
-        InputError: the disk refuses.
-    """
-    with atomic(folder / CSV_FILE) as part, part.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(FixRow.__struct_fields__)
-        writer.writerows([_cell(getattr(row, name)) for name in FixRow.__struct_fields__] for row in table.rows)
-    write_json(folder / FIX_FILE, msgspec.to_builtins(table))
-
-
-def _cell(value: object) -> object:
-    return f"{value:.3f}" if isinstance(value, float) else "" if value is None else value
-
-
-def read_fix(folder: Path) -> FixTable | None:
-    """The table of the remedies that were tried on a folder of runs, in its ``fix``; None where there is none.
-
-    Raises:
-        InputError: it is damaged.
-    """
-    file = fix_folder(folder) / FIX_FILE
-    return read_json(file, FixTable, "table of remedies") if file.is_file() else None
-
-
-def fix_folder(folder: Path) -> Path:
-    """Where remedies for the runs of a folder are tried, if no other place is named."""
-    return folder / FIX_FOLDER
-
-
-def best_row(table: FixTable) -> FixRow:
-    """The row with the largest net gain.
-
-    Raises:
-        InputError: no remedy gains anything.
-    """
-    if not table.rows or table.rows[0].net_gain <= 0:
-        raise InputError("no remedy gains anything; name those to write with --take")
-    return table.rows[0]

@@ -19,7 +19,7 @@ from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.remedies import Remedy
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.signs import LOW_SCORE
-from verefine_viz.methods.known_methods import method_of
+from verefine_viz.diagnosis.usable_remedies import is_read
 from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import AT_ITS_START, WITH_ITS_DATA, changed
 
@@ -185,27 +185,6 @@ def remedied(session: Session, remedies: Sequence[Remedy]) -> Session | None:
                 section, _, field = name.partition(".")
                 changes.setdefault(section, {})[field] = value
     return changed(session, changes, (*AT_ITS_START, *WITH_ITS_DATA, "scene")) if changes else None
-
-
-def is_read(remedy: Remedy, session: Session) -> bool:
-    """Whether a session's method does anything with the setting of a remedy."""
-    method, physics = method_of(session.method.name), session.physics.enabled
-    if method.repeats:
-        return False
-    if remedy.setting == "scene.gravity" and session.scene.source == "demo":
-        return False
-    reads = {
-        "method.exploration": method.has_ucb,
-        "method.iterations": not method.has_tree,
-        "mcts.expansions": method.has_tree,
-        "method.refiner": not method.has_tree,
-        "hypotheses.max_per_object": not method.first_only,
-        "score.colour_weight": method.verifies,
-        "score.plausibility_weight": method.verifies,
-        "physics.collider": method.simulates and physics,
-        "physics.enabled": method.simulates,
-    }
-    return reads.get(remedy.setting, True)
 
 
 def jobs_of(trials: Sequence[Trial]) -> Iterator[BatchJob]:

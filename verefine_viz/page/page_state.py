@@ -10,8 +10,8 @@ from time import monotonic, perf_counter
 from typing import Any
 
 from verefine_viz.batch.fix_command import FixRequest
+from verefine_viz.batch.fix_files import fix_folder, read_fix
 from verefine_viz.batch.fix_thread import FixState, FixThread
-from verefine_viz.batch.remedy_table import fix_folder, read_fix
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken

@@ -25,7 +25,6 @@ from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.recording import entities
 from verefine_viz.recording.background import log_background
-from verefine_viz.recording.contours import Contours
 from verefine_viz.recording.drawn_iterations import Drawing
 from verefine_viz.recording.entities import branch
 from verefine_viz.recording.graphs import log_dependencies
@@ -33,6 +32,7 @@ from verefine_viz.recording.grasps import log_grasps
 from verefine_viz.recording.landscapes import log_landscape
 from verefine_viz.recording.layout import layout_of
 from verefine_viz.recording.maps import SCENE_TILE_PX, LoggedMaps, PendingMaps, log_colors, send_refiner_steps
+from verefine_viz.recording.photo_contours import Contours
 from verefine_viz.recording.recording_file import RecordingFile
 from verefine_viz.recording.views import blueprint_of
 from verefine_viz.run.record import Answer, RunHeader

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Literal
 from msgspec import structs
 from rich.markup import escape
 
+from verefine_viz.batch.fix_files import FixTable, read_fix
 from verefine_viz.batch.index import batch_of, find_runs
 from verefine_viz.batch.progress import counted_bar
-from verefine_viz.batch.remedy_table import FixTable, read_fix
 from verefine_viz.batch.runs import Runs
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import InputError, VerefineError

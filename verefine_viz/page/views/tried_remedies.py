@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from verefine_viz.batch.fix_command import cause_words
-from verefine_viz.batch.remedy_table import EVERY_CAUSE, FixAnswer, FixRow, FixTable
+from verefine_viz.batch.fix_files import EVERY_CAUSE, FixAnswer, FixRow, FixTable
 from verefine_viz.batch.runs import Runs
 from verefine_viz.page.gallery_messages import FixedAnswer, FixLine, FixMessage, FixShown
 
@@ -49,7 +48,7 @@ def _line(row: FixRow, table: FixTable) -> FixLine:
     ]
     return FixLine(
         remedy=row.remedy,
-        cause=cause_words(row),
+        cause=row.cause_words,
         fit=fit,
         tried=row.tried,
         came_right=row.came_right,

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
-from verefine_viz.batch.remedy_trials import is_read
 from verefine_viz.core.accuracy import CORRECT
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.causes import CAUSES, Cause, advice_on, cause_title
@@ -23,6 +22,7 @@ from verefine_viz.core.text_format import listed
 from verefine_viz.diagnosis.impossible import impossible
 from verefine_viz.diagnosis.lost_poses import lost
 from verefine_viz.diagnosis.signs import FinishedObject, RunnerUp, signs
+from verefine_viz.diagnosis.usable_remedies import is_read
 from verefine_viz.evaluation.rotation_errors import turning_on
 from verefine_viz.evaluation.trained_range import start_of
 from verefine_viz.methods.known_methods import method_of
