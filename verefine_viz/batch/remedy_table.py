@@ -32,7 +32,7 @@ def fix_table(
         tried = [one for known in trial.solved if (one := _fixed(known, trial, runs, ends)) is not None]
         rows += _rows(trial, tried, ends.seconds_added)
         answers += tried
-    rows.sort(key=lambda row: -row.net_gain)
+    rows.sort(key=lambda row: (-row.net_gain, -row.net_low))
     return FixTable(seed, every, tuple(together), tuple(rows), tuple(answers))
 
 

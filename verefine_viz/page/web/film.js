@@ -47,7 +47,7 @@ export function Film() {
   return html`<section class=${`film ${folded ? "folded" : ""}`} aria-label="Film">
     <div class="fold">
       <${IconButton} icon=${folded ? "down" : "up"} title=${folded ? "How the answer came about, in pictures" : "Fold the film away"}
-        onClick=${() => remember({ filmFolded: !folded })} />
+        onClick=${() => remember({ filmFolded: !folded })} />${folded && "Film"}
       ${!folded && !state.file && html`<${Button} title="Save the film as one picture" onClick=${() => save(judged.obj)}>PNG<//>
         <${Button} title="Save the film as an animation" onClick=${() => save(judged.obj, "_film.gif")}>GIF<//>`}
     </div>

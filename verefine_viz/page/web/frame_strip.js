@@ -58,7 +58,7 @@ const MOST_CARDS = 400;
 export function FrameCards() {
   const [frame, isSequence] = useStore((s) => [s.frame, s.sequence.on]);
   const { frames } = frame;
-  return html`<header class="gallery-bar"><${Switch} /><h2>${frames.length} frames</h2><span class="dim">No batch is open: <kbd>verefine-viz batch</kbd> solves them all.</span></header>
+  return html`<header class="gallery-bar"><${Switch} /><h2>${frames.length} frames</h2><span class="dim"><kbd>verefine-viz batch</kbd> solves them all.</span></header>
     ${isSequence ? html`<${Sequence} />` : html`<div class="frame-cards scroll">${frames.slice(0, MOST_CARDS).map((name, i) => html`<${FrameCell} key=${name} i=${i} />`)}
       ${frames.length > MOST_CARDS && html`<p class="dim">and ${frames.length - MOST_CARDS} more</p>`}</div>`}`;
 }

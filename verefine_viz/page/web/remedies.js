@@ -86,8 +86,8 @@ function Changed({ shown, row }) {
   /** @param {FixedAnswer} one */
   const words = (one) => (one.change > 0 ? gained : one.change < 0 ? lost : one.was_bad ? "as before" : row.fit ? "as before" : "still right");
   const pair = (/** @type {readonly (number | null)[]} */ [a, b], digits) => `${number(a, digits)} → ${number(b, digits)}`;
-  return html`<h3>${row.remedy}, ${row.cause} <span class="dim">${answers.length} answers</span></h3>
-    <${Table} rows=${answers} onRow=${(/** @type {FixedAnswer} */ one) => openBoth(one)} columns=${columnsOf(answers, [
+  return html`<h3 key=${`${row.remedy} ${row.cause}`} ref=${(/** @type {HTMLElement | null} */ e) => e?.scrollIntoView({ block: "start" })}>
+    ${row.remedy}, ${row.cause} <span class="dim">${answers.length} answers</span></h3><${Table} rows=${answers} onRow=${(/** @type {FixedAnswer} */ one) => openBoth(one)} columns=${columnsOf(answers, [
       { title: "object", left: true, of: (one) => one.name },
       { title: "frame", left: true, of: (one) => one.frame },
       { title: "was", left: true, of: (one) => (one.was_bad ? (row.fit ? "in doubt" : "wrong") : row.fit ? "not in doubt" : "right") },
