@@ -64,7 +64,7 @@ def keys_of_evidence(path: Path) -> Iterator[str]:
     """Of all that a file of the diagnosis puts into evidence, as regular expressions where names are put together."""
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Finding":
-            places: list[ast.AST] = [node.args[2]]
+            places: list[ast.AST] = [*node.args[2:3]]  # One without evidence stands for no finding.
         elif isinstance(node, ast.Assign | ast.AugAssign):
             to = node.targets[0] if isinstance(node, ast.Assign) else node.target
             at = to.value if isinstance(to, ast.Subscript) else to

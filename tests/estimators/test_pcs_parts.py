@@ -131,7 +131,8 @@ def test_the_fit_is_that_of_a_singular_value_decomposition(seed: int, noise_m: f
     rms, root = fit_rms(a, b, N)
     assert rotation_of(N, root, R)
     expected, residual = Rotation.align_vectors(a - a.mean(axis=0), b - b.mean(axis=0))
-    assert rms == pytest.approx(residual / 2, abs=1e-7)
+    # The root of a quartic, of which rms is a square root, is known to some hundred roundings only.
+    assert rms == pytest.approx(residual / 2, abs=5e-7)
     assert np.allclose(R @ R.T, np.eye(3), atol=1e-12)
     own = np.linalg.norm((b - b.mean(axis=0)) @ R.T - (a - a.mean(axis=0)))
     assert own == pytest.approx(residual, abs=1e-6)

@@ -135,7 +135,7 @@ def test_recorded_steps_are_there_at_once(tmp_path: Path, posted: Posted):
 def test_links_name_a_frame_an_object_an_iteration_and_a_run(gallery: Gallery, posted: Posted):
     d = debugger_of(gallery, posted)
     d.carry_out([p.Open(link="frame=0/2&instance=1&iteration=2&run=sir")])
-    assert (d.space.frame, d.batch_run) == ("0/2", "sir")
+    assert (d.space.frame, d.space.batch_run) == ("0/2", "sir")
     assert (posted.of("view")[-1]["at"], posted.of("view")[-1]["patch"]["obj"]) == (2, 1)
     d.carry_out([p.Open(link="instance=7&iteration=99")])
     notes = [message["text"] for message in posted.of("note")]
