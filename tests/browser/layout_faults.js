@@ -26,7 +26,7 @@
     return e.selectedOptions[0] && context.measureText(e.selectedOptions[0].text).width > room;
   });
 
-  const parts = [...document.querySelectorAll(".page > :is(.pane, .timeline, .inspector, .verdict, .status)")]
+  const parts = [...document.querySelectorAll(".page > :is(.pane, .timeline, .inspector, .verdict, .film, .status)")]
     .filter((e) => e.checkVisibility({ visibilityProperty: true })).map((e) => e.getBoundingClientRect());
   return {
     overlaps,

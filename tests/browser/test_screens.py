@@ -54,6 +54,10 @@ def fits_everywhere(screen: Screen, name: str) -> None:
     for width, height in SIZES:
         screen.page.set_viewport_size({"width": width, "height": height})
         screen.page.wait_for_timeout(400)
+        for _ in range(20):  # Canvases follow the window, on a loaded machine after seconds.
+            if screen.page.evaluate(WIDE) == []:
+                break
+            screen.page.wait_for_timeout(250)
         assert screen.page.evaluate(WIDE) == [], width
         if width > PHONE:
             assert screen.page.evaluate(CUT_TABLES) == [], width

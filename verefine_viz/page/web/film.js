@@ -37,7 +37,7 @@ const hex = (/** @type {[number, number, number]} */ color) => `rgb(${color.join
 
 export function Film() {
   const [moment, folded, stage] = useStore((s) => [momentOf(s), s.filmFolded, s.view.stage]);
-  const isShown = useStore((s) => !["gallery", "label", "report"].includes(s.view.preset));
+  const isShown = useStore((s) => !s.view.full && !["gallery", "label", "maps", "report"].includes(s.view.preset));
   const judged = isShown && moment?.over ? moment.verdict : null;
   const film = judged?.film ?? [];
   const pictures = useWant(film.length && !folded ? wantOf(moment.branch, judged) : null, "film");

@@ -226,7 +226,7 @@ export function Splitter({ axis, share, onShare, invert, area }) {
     const bar = down.currentTarget;
     const room = bar.parentElement.getBoundingClientRect();
     // Bars above and below have no share of the height.
-    const bars = [...bar.parentElement.querySelectorAll(":scope > .verdict, :scope > .status")];
+    const bars = [...bar.parentElement.querySelectorAll(":scope > .verdict, :scope > .film, :scope > .status")];
     const height = bars.reduce((rest, one) => rest - one.offsetHeight, room.height);
     const [from, size] = axis === "x" ? [down.clientX, room.width] : [down.clientY, height];
     bar.setPointerCapture(down.pointerId);
