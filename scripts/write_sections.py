@@ -9,12 +9,12 @@ from __future__ import annotations
 import json
 import re
 import textwrap
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec.inspect as mi
 from msgspec import Struct
 
+from scripts.write_messages import parts_of
 from verefine_viz.core.setting_types import descriptions, fields_of
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.known_methods import ALL_METHOD_NAMES
@@ -120,20 +120,6 @@ def docstring(text: str, indent: str) -> str:
     lines = textwrap.wrap(f'"""{words}', WIDTH - len(indent), break_on_hyphens=False, break_long_words=False)
     end = '"""' if len(indent) + len(lines[-1]) + 3 <= WIDTH else f'\n{indent}"""'
     return "\n".join(indent + line for line in lines) + end + "\n"
-
-
-def parts_of(of: mi.Type) -> Iterator[type[Struct]]:
-    """The structs that a type names."""
-    match of:
-        case mi.StructType():
-            yield of.cls
-        case mi.Metadata():
-            yield from parts_of(of.type)
-        case mi.CollectionType():
-            yield from parts_of(of.item_type)
-        case mi.UnionType():
-            for kind in of.types:
-                yield from parts_of(kind)
 
 
 def with_parts(cls: type[Struct]) -> list[type[Struct]]:

@@ -80,7 +80,7 @@ class Guard:
         with pytest.MonkeyPatch.context() as patch:
             if tier(item) == "fast":
                 patch.setenv("XDG_CACHE_HOME", self._cache.name)
-                patch.setattr(kernels_ahead, "compile_ahead", lambda session, processes=None: None)
+                patch.setattr(kernels_ahead, "compile_ahead", lambda session: None)
             return (yield)
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)

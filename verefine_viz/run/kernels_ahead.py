@@ -16,37 +16,37 @@ from pathlib import Path
 import numpy as np
 from msgspec import structs
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.child_process import end_with_parent
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.kernels import cache_folder
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.problem import Instance, Problem, Target
+from verefine_viz.core.problem import Instance, Target
 from verefine_viz.core.settings import Session
 
 DEPTH_M = 0.5
 
 
-def compile_ahead(session: Session, processes: int | None = None) -> None:
+def compile_ahead(session: Session) -> None:
     """Start processes that compile what a session's refiner and the look at its answer take, unless that was done.
 
-    Returns at once. The processes are ended with this one.
+    Returns at once. The processes, as many as cores but one, are ended with this one.
 
     Args:
         session: whose refiner and score it is.
-        processes: at most so many; None = a core is left to this process.
     """
     parts = [part for part in PARTS if not _marker(session, part).exists()]
-    spare = (os.cpu_count() or 1) - 1 if processes is None else processes
+    spare = len(os.sched_getaffinity(0)) - 1
     # In the order of need, a part to each process in turn.
     for own in (parts[i::spare] for i in range(min(spare, len(parts)))):
         context = multiprocessing.get_context("spawn")
         context.Process(target=_compile, args=(session, own), name="verefine-kernels", daemon=True).start()
 
 
-def tiny_target() -> Target:
-    """A carton that fills the middle of an image of 80 × 60 pixels, 0.5 m away: what kernels can be called with."""
+def tiny_target() -> tuple[Target, Float]:
+    """A carton in the middle of an image of 80 × 60 pixels, 0.5 m away, and its pose, to call kernels with."""
     from verefine_viz.scenes.demo_models import demo_model
 
     camera = Camera(np.array([[80.0, 0, 39.5], [0, 80.0, 29.5], [0, 0, 1]]), 80, 60)
@@ -57,20 +57,19 @@ def tiny_target() -> Target:
     model = demo_model("pack", 500, 0)
     points = camera.back_project(depth)[mask]
     T_cam_obj = transform(np.eye(3), [0, 0, DEPTH_M + model.diameter_m / 4])
-    instance = Instance(0, model.obj_id, mask, points, (), T_cam_obj)
+    instance = Instance(0, model.obj_id, mask, points, ())
     rgb = np.full((*camera.shape, 3), 128, np.uint8)
     observation = Observation(camera, depth, normals, rgb, mask, None)
-    return Problem(0, 1, observation, {model.obj_id: model}, (instance,), "kernels").targets[0]
+    return Target(observation, instance, model), T_cam_obj
 
 
 def _refine(session: Session) -> None:
     from verefine_viz.run.toolbox import Toolbox
 
-    target = tiny_target()
-    T_cam_obj = target.instance.T_cam_obj_gt
-    assert T_cam_obj is not None
+    target, T_cam_obj = tiny_target()
     # ICP first, which draws nothing: what draws is compiled by who shows the frame.
-    for name in ("icp", session.method.refiner):
+    last = session.method.refiner
+    for name in ("icp", last) if last == "depth_net_icp" else (last,):
         chosen = structs.replace(session, method=structs.replace(session.method, refiner=name))
         Toolbox(chosen).refiner.refine(target, T_cam_obj)
 
@@ -79,9 +78,7 @@ def _evaluate(session: Session) -> None:
     from verefine_viz.evaluation.allowed_search import allowed_poses
     from verefine_viz.run.toolbox import Toolbox
 
-    target = tiny_target()
-    T_cam_obj = target.instance.T_cam_obj_gt
-    assert T_cam_obj is not None
+    target, T_cam_obj = tiny_target()
     allowed_poses(Toolbox(session).verifier, target, T_cam_obj)
 
 
