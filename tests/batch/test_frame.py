@@ -18,9 +18,13 @@ from verefine_viz.batch.runs import Runs
 from verefine_viz.batch.solve_frame import FrameTask, end_again, explain_frame, solve_frame
 from verefine_viz.core.causes import Cause
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.settings import RecordingSettings
+from verefine_viz.diagnosis.films import films_of
 from verefine_viz.evaluation.allowed_search import allowed_poses
+from verefine_viz.recording.entities import FILM, branch, moment
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.recording.verify import verify
 from verefine_viz.run.answers import STAGES, once_s, solving_s, table_lines
 from verefine_viz.run.record import RunEnd
@@ -56,6 +60,19 @@ def solved(tools: Toolbox, task: FrameTask = solve_frame) -> RunEnd:
         assert table_lines(written) == table_lines(record)
         assert written.header.session == record.header.session
     return record.end
+
+
+@pytest.mark.usefixtures("processes")
+def test_a_recording_with_maps_has_the_key_moments_of_every_answer(tmp_path: Path, made: Made) -> None:
+    tools = toolbox(made, "all", 60.0)
+    tools = Toolbox(structs.replace(tools.session, recording=RecordingSettings(keep="all", maps=True)))
+    solved(tools)
+    (recording,), problem = (tmp_path / "recordings").glob("*"), tools.problem("7/0")
+    films = films_of(read_recording(recording), problem, tools.verifier_of)
+    assert len(films) == 3
+    drawn = {chunk.entity_path for chunk in chunks_of(recording) if chunk.entity_path.startswith(FILM)}
+    names = {instance.instance_id: branch(instance, problem) for instance in problem.instances}
+    assert drawn == {moment(names[own], k) for own, film in films.items() for k in range(len(film.moments))}
 
 
 @pytest.mark.usefixtures("processes")

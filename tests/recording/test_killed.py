@@ -10,7 +10,7 @@ import pytest
 
 from tests.fakes import FakeVerifier, box_problem
 from tests.recording.runs import n_drawn, new_run, recorded_run, run_file, session
-from verefine_viz.recording.draw_run_file import RunDrawer
+from verefine_viz.batch.draw_run_file import RunDrawer
 from verefine_viz.recording.entities import CURVES
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import BLOCK_WITH_MAPS, Recorder

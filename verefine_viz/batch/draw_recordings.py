@@ -37,7 +37,7 @@ class DrawWork:
     """See :class:`verefine_viz.batch.worker_tasks.Work`."""
 
     def begin(self, progress: ProgressToken) -> Callable[[ToDraw, Callable[[], None]], DrawnRun]:
-        from verefine_viz.recording.draw_run_file import RunDrawer
+        from verefine_viz.batch.draw_run_file import RunDrawer
 
         drawer = RunDrawer()
 

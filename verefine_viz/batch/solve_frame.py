@@ -21,6 +21,7 @@ from verefine_viz.core.finding import Finding
 from verefine_viz.core.protocols import RunState, Watcher
 from verefine_viz.core.records import Iteration
 from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.diagnosis.films import films_of
 from verefine_viz.grasping.grasp_answer import AnswerGrasps, answer_grasps
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.run.answers import left_out_answer
@@ -140,6 +141,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
         refiner_of=toolbox.refiner_of,
         grasps_of=grasping,
         weights=weights,
+        films_of=lambda record: films_of(record, problem, toolbox.verifier_of),
     )
     timed = [_Timed(recorder, watch)] if kept.always(frame) else []
     with closing(file):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -127,10 +128,23 @@ def _verify(recording: Path) -> int:
     return DIFFERS if verification.difference else 0
 
 
+def _drawn(path: Path) -> Path:
+    """A recording as it is; a run file as a temporary recording of it."""
+    from verefine_viz.run.run_file import SUFFIX
+
+    if path.suffix != SUFFIX:
+        return path
+    from verefine_viz.batch.draw_run_file import RunDrawer
+
+    recording = Path(tempfile.mkdtemp(prefix="verefine-")) / path.with_suffix(".rrd").name
+    RunDrawer().draw(path, recording)
+    return recording
+
+
 def _open(recording: Path) -> int:
     from verefine_viz.recording.rerun_viewer import open_viewer
 
-    viewer = open_viewer(recording)
+    viewer = open_viewer(_drawn(recording))
     try:
         if viewer.note:
             say(f"note: {one_line(viewer.note)}", sys.stderr)

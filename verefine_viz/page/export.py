@@ -128,6 +128,7 @@ class Exporter:
     def _record(self, space: Workspace, branch: Branch, path: Path) -> None:
         """Write a branch as a recording, which carries its run file, or as the run file alone."""
         from verefine_viz.batch.summary import run_end
+        from verefine_viz.diagnosis.films import films_of
         from verefine_viz.grasping.grasp_answer import answer_grasps
         from verefine_viz.recording.reader import read_recording
         from verefine_viz.recording.recorder import Recorder
@@ -148,6 +149,7 @@ class Exporter:
                 refiner_of=lambda k: run.method_of(k).refiner,
                 grasps_of=lambda state: grasps,
                 weights=weights,
+                films_of=lambda record: films_of(record, run.problem, lambda k: branch.evaluator_of(k).verifier),
             )
         watchers = (file,) if recorder is None else (file, recorder)
         try:

@@ -17,11 +17,10 @@ from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.settings import SceneSettings, ScoreSettings, Session
-from verefine_viz.diagnosis.key_moments import key_moments
+from verefine_viz.diagnosis.films import films_of
 from verefine_viz.page.gallery import Gallery, GalleryEntry
 from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.pictures.answer_pictures import picture_source, thumbnail, webp
-from verefine_viz.pictures.film import Film
 from verefine_viz.rendering.registry import make_verifier
 from verefine_viz.run.run_file import read_run_file
 from verefine_viz.scenes.source import SceneSource
@@ -145,15 +144,11 @@ class Painter:
         """
         gallery, row = self._gallery(), entry.row
         path = gallery.loose_record(entry) or gallery.records(entry.run)(row.frame)
-        record = None if path is None else read_run_file(path)
-        answers = () if record is None or record.end is None else record.end.answers
-        own = next((one for one in answers if one.instance_id == row.instance_id), None)
-        moments = () if record is None or own is None else key_moments(record, own)
-        if not moments or row.instance_id is None:
+        if path is None or row.instance_id is None:
             return b""
-        verifier, target = self._verifier(gallery.runs[entry.run].session), self._problem(entry).target(row.instance_id)
-        film = Film(target, moments, lambda moment, T: verifier.maps(target, T), verifier.settings.tau_m)
-        return webp(np.asarray(film.strip(f"{row.name}   frame {row.frame}")))
+        verifier = self._verifier(gallery.runs[entry.run].session)
+        film = films_of(read_run_file(path), self._problem(entry), lambda k: verifier).get(row.instance_id)
+        return b"" if film is None else webp(np.asarray(film.strip(f"{row.name}   frame {row.frame}")))
 
     def _verifier(self, session: Session) -> Verifier:
         if self._verifiers.get(session.score) is None:

@@ -55,6 +55,7 @@ GRAPH_OBJECTS = f"{GRAPH}/objects"
 EVIDENCE = f"{GRAPH}/evidence"
 TREE = "/tree"
 LANDSCAPE = "/landscape"
+FILM = "/film"
 GRASP = "/grasp"
 GRASP_TIMELINE = "grasp"
 """In moments, 30 a second; one object's grasp after the other."""
@@ -145,6 +146,11 @@ def grasp_side(side: str) -> str:
 def landscape(branch_name: str, axis: int) -> str:
     """The score around an object's answer along one axis."""
     return f"{LANDSCAPE}/{branch_name}/axis_{axis}"
+
+
+def moment(branch_name: str, k: int) -> str:
+    """The picture of one of an object's key moments, from 0."""
+    return f"{FILM}/{branch_name}/{k}"
 
 
 def landscape_words(branch_name: str) -> str:

@@ -27,6 +27,7 @@ from verefine_viz.recording import entities
 from verefine_viz.recording.background import log_background
 from verefine_viz.recording.drawn_iterations import Drawing
 from verefine_viz.recording.entities import branch
+from verefine_viz.recording.films import log_film
 from verefine_viz.recording.graphs import log_dependencies
 from verefine_viz.recording.grasps import log_grasps
 from verefine_viz.recording.landscapes import log_landscape
@@ -35,12 +36,13 @@ from verefine_viz.recording.maps import SCENE_TILE_PX, LoggedMaps, PendingMaps, 
 from verefine_viz.recording.photo_contours import Contours
 from verefine_viz.recording.recording_file import RecordingFile
 from verefine_viz.recording.views import blueprint_of
-from verefine_viz.run.record import Answer, RunHeader
+from verefine_viz.run.record import Answer, RunHeader, RunRecord
 from verefine_viz.run.run_file import decoded
 from verefine_viz.run.run_header import NO_WEIGHTS, header_of
 
 if TYPE_CHECKING:
     from verefine_viz.grasping.grasp_answer import AnswerGrasps
+    from verefine_viz.pictures.film import Film
 
 BLOCK = 200
 """Iterations that are drawn together; the run file has each of them before."""
@@ -65,6 +67,7 @@ class Recorder:
         refiner_of: Callable[[int], Refiner | None] | None = None,
         grasps_of: Callable[[RunState], AnswerGrasps | None] | None = None,
         weights: Mapping[str, str] = NO_WEIGHTS,
+        films_of: Callable[[RunRecord], Mapping[int, Film]] | None = None,
     ) -> None:
         """Nothing is written before :meth:`on_start`.
 
@@ -78,13 +81,14 @@ class Recorder:
             refiner_of: what refined in iteration k, to draw beside the maps what a learned one saw; None = not drawn.
             grasps_of: what became of the answers of a finished run in the gripper; None = not drawn.
             weights: hashes of the run's weights, for the header, as in ``RunFile``.
+            films_of: the key moments of a finished run, by instance, drawn where there are maps; None = not drawn.
         """
         self._path = path
         self._session, self._weights = session, weights
         self._problem = problem
         self._verifier_of = verifier_of if session.recording.maps and session.score.verifier == EQ_1 else None
         self._refiner_of = refiner_of
-        self._grasps_of = grasps_of
+        self._grasps_of, self._films_of = grasps_of, films_of if self._verifier_of is not None else None
         self._has_grasps = False
         self._block = block if self._verifier_of is None else min(block, BLOCK_WITH_MAPS)
         self._file: RecordingFile | None = None
@@ -178,16 +182,20 @@ class Recorder:
             return
         file, self._file = self._file, None
         self._draw(file)
-        file.send_blueprint(
-            blueprint_of(
-                self._layout, self._verifier_of is not None, self._has_colour, self._has_refiner, self._has_grasps
-            )
-        )
+        n_moments: dict[str, int] = {}
         if run:
             file.log_bytes(entities.RUN_FILE, run)
-            end = decoded(run, f"run of {self._path}", with_iterations=False).end
-            if end is not None:
-                file.send_properties(_outcome(end.answers))
+            record = decoded(run, f"run of {self._path}", with_iterations=self._films_of is not None)
+            if record.end is not None:
+                file.send_properties(_outcome(record.end.answers))
+            films = self._films_of(record) if self._films_of is not None else {}
+            for instance_id, film in films.items():
+                name = self._layout.branch(instance_id).name
+                log_film(file, name, film)
+                n_moments[name] = len(film.moments)
+        has_maps = self._verifier_of is not None
+        drawn = blueprint_of(self._layout, has_maps, self._has_colour, self._has_refiner, self._has_grasps, n_moments)
+        file.send_blueprint(drawn)
         file.close()
 
     @property

@@ -6,16 +6,13 @@ import os
 import socket
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from verefine_viz.recording.draw_run_file import RunDrawer
 from verefine_viz.recording.reader import check_rerun_file
 from verefine_viz.recording.recording_file import executable, is_whole
-from verefine_viz.run.run_file import SUFFIX
 
 LOOPBACK = "127.0.0.1"
 
@@ -35,19 +32,14 @@ def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
     """Opens a recording in the rerun viewer, which is reachable from this machine only.
 
     Args:
-        path: the recording, or a run file, which is drawn into a temporary one first.
+        path: the recording.
         web: in the browser; None = where no window can be opened.
 
     Raises:
         InputError: it is not a recording of this program.
         UnavailableError: the viewer is not installed.
     """
-    if path.suffix == SUFFIX:
-        recording = Path(tempfile.mkdtemp(prefix="verefine-")) / path.with_suffix(".rrd").name
-        RunDrawer().draw(path, recording)
-        path = recording
-    else:
-        check_rerun_file(path)
+    check_rerun_file(path)
     note = "" if is_whole(path) else f"{path} is damaged; the viewer shows what can be read of it"
     # Its own lines, in colours, would bury ours.
     env = {"RUST_LOG": "off", "NO_COLOR": "1", **os.environ}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import rerun.blueprint as rrb
 
 from verefine_viz.recording import entities
+from verefine_viz.recording.films import film_tab
 from verefine_viz.recording.grasps import grasp_tab
 from verefine_viz.recording.landscapes import landscape_tab
 from verefine_viz.recording.layout import Layout
@@ -45,9 +46,23 @@ DARK = (24, 26, 30)
 
 
 def blueprint_of(
-    layout: Layout, has_maps: bool, has_colour: bool = False, has_refiner: bool = False, has_grasps: bool = False
+    layout: Layout,
+    has_maps: bool,
+    has_colour: bool = False,
+    has_refiner: bool = False,
+    has_grasps: bool = False,
+    n_moments: Mapping[str, int] | None = None,
 ) -> rrb.Blueprint:
-    """The whole window: an overview, and a tab for each thing that only several objects have."""
+    """The whole window: an overview, and a tab for each thing that has no room in it.
+
+    Args:
+        layout: what was recorded.
+        has_maps: whether score maps are there,
+        has_colour: those of colours,
+        has_refiner: what a learned refiner saw,
+        has_grasps: and grasps.
+        n_moments: how many pictures each object's film has, by the name of its branch.
+    """
     below = _curves(layout)
     overview = rrb.Vertical(
         rrb.Horizontal(
@@ -60,7 +75,12 @@ def blueprint_of(
         row_shares=[3, 2],
         name="Scene" if layout.is_scene else "Object",
     )
-    tabs = [overview, *_scene_tabs(layout), *([landscape_tab(layout)] if has_maps else [])]
+    tabs = [
+        overview,
+        *([film_tab(n_moments)] if n_moments else []),
+        *_scene_tabs(layout),
+        *([landscape_tab(layout)] if has_maps else []),
+    ]
     tabs += [grasp_tab(layout)] if has_grasps else []
     return rrb.Blueprint(
         rrb.Tabs(*tabs) if len(tabs) > 1 else overview,

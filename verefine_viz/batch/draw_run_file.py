@@ -9,6 +9,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.writing import atomic
+from verefine_viz.diagnosis.films import films_of
 from verefine_viz.grasping.grasp_answer import AnswerGrasps, answer_grasps
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.run.engine import Run
@@ -45,6 +46,7 @@ class RunDrawer:
                 refiner_of=toolbox.refiner_of,
                 grasps_of=partial(_grasps, toolbox, problem) if _has_grasps(record) else None,
                 weights=weights_of(toolbox.session),
+                films_of=lambda record: films_of(record, problem, toolbox.verifier_of),
             )
             Run.from_record(record, problem, [recorder])
             recorder.close(run_file.read_bytes())
