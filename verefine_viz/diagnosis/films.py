@@ -1,4 +1,4 @@
-"""The films of a recorded run, object by object, drawn by whoever shows them."""
+"""The films of the answers of a recorded run, by object."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from verefine_viz.recording import entities
 from verefine_viz.recording.background import log_background
 from verefine_viz.recording.drawn_iterations import Drawing
 from verefine_viz.recording.entities import branch
-from verefine_viz.recording.films import log_film
+from verefine_viz.recording.film_tab import log_film
 from verefine_viz.recording.graphs import log_dependencies
 from verefine_viz.recording.grasps import log_grasps
 from verefine_viz.recording.landscapes import log_landscape

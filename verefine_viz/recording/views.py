@@ -8,7 +8,7 @@ from typing import Any
 import rerun.blueprint as rrb
 
 from verefine_viz.recording import entities
-from verefine_viz.recording.films import film_tab
+from verefine_viz.recording.film_tab import film_tab
 from verefine_viz.recording.grasps import grasp_tab
 from verefine_viz.recording.landscapes import landscape_tab
 from verefine_viz.recording.layout import Layout
