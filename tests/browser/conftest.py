@@ -86,6 +86,26 @@ class Screen:
             self.page.wait_for_timeout(50)
         raise AssertionError(f"it never held: {expression}; the view is {self.state('state.view')}")
 
+    def wait(self, holds: Callable[[], bool]) -> None:
+        """Wait until something on the server's side holds."""
+        for _ in range(SLOW_MS // 50):
+            if holds():
+                return
+            self.page.wait_for_timeout(50)
+        raise AssertionError("it never held")
+
+    def settled(self, expression: str) -> Any:
+        """The value of an expression once nothing is computed any more and it has stayed for 300 ms."""
+        if self.app is not None:
+            self.app.wait_until_idle()
+        seen = self.state(expression)
+        for _ in range(SLOW_MS // 300):
+            self.page.wait_for_timeout(300)
+            before, seen = seen, self.state(expression)
+            if seen == before:
+                return seen
+        raise AssertionError(f"it never settled: {expression}")
+
     def key(self, key: str) -> None:
         self.page.keyboard.press(key)
 

@@ -51,13 +51,11 @@ def test_a_mask_or_plane_that_is_to_blame_is_drawn_unasked_until_it_is_hidden(sh
     screen = judged(show(session, size=WIDE))
     chip = screen.page.locator(".stage .legend button", has_text=layer)
     assert "off" not in chip.get_attribute("class").split()
-    screen.app.wait_until_idle()
-    screen.page.wait_for_timeout(300)
-    drawn = screen.page.evaluate(PICTURE)
+    drawn = screen.settled(PICTURE)
     chip.click()
     screen.until("state.view.layers.hidden.includes(arg)", layer.split()[-1])
     assert "off" in chip.get_attribute("class").split()
-    assert screen.page.evaluate(PICTURE) != drawn
+    assert screen.settled(PICTURE) != drawn
     screen.shot(f"blamed_{session}")
 
 
@@ -99,14 +97,10 @@ def test_what_the_image_allows_is_one_chip_in_the_photo_and_in_3d(show):
     chip = screen.page.locator(".stage .legend button", has_text="allowed by the image")
     is_on = screen.state(asked) > 0
     assert (chip.get_attribute("class") == "off") is not is_on
-    before = screen.page.evaluate(PICTURE)
+    before = screen.settled(PICTURE)
     chip.click()
     screen.until(f"({asked}) === arg", 0 if is_on else len(poses))
-    for _ in range(60):
-        if screen.page.evaluate(PICTURE) != before:
-            break
-        screen.page.wait_for_timeout(100)
-    assert screen.page.evaluate(PICTURE) != before
+    assert screen.settled(PICTURE) != before
     in_3d = screen.page.locator(".pane.scene .layers button", has_text="allowed by the image")
     in_3d.click()
     screen.until(f"({asked}) === arg", len(poses) if is_on else 0)

@@ -71,20 +71,18 @@ def test_click_marks_one_pixel_everywhere_until_it_is_unmarked(show):
     screen.until(ALL_DRAWN)
     u0, v0, u1, v1 = screen.state("moment.object.box")
     pixel = [(u0 + u1) // 2, (v0 + v1) // 2]
-    screen.page.wait_for_timeout(500)  # Outlines come later.
-    before = screen.page.evaluate(PICTURES)
+    before = screen.settled(PICTURES)  # Outlines come later.
     screen.page.mouse.click(*point(screen, "angle", 1, pixel))
     screen.until("String(state.view.pixel) === String(arg)", pixel)
     screen.page.mouse.move(640, 20)  # The mouse's own cross is not the mark.
-    screen.page.wait_for_timeout(300)
-    for (size, *old), (_, *new) in zip(before, screen.page.evaluate(PICTURES), strict=True):
+    for (size, *old), (_, *new) in zip(before, screen.settled(PICTURES), strict=True):
         assert np.count_nonzero(np.array(old) != np.array(new)) > 0.9 * size  # A whole cross is in every picture.
     assert screen.page.locator(".pixel-numbers .at").inner_text() == f"{pixel[0]}, {pixel[1]}"
     screen.shot("maps_mark")
     screen.key("Escape")
     screen.until("state.view.pixel === null")
-    screen.page.wait_for_timeout(200)
-    assert screen.page.evaluate(PICTURES) == before
+    is_as_before = screen.settled(PICTURES) == before
+    assert is_as_before
     for marked in (True, False):
         screen.page.mouse.click(*point(screen, "classes", 0, pixel))
         screen.until("(state.view.pixel !== null) === arg", marked)

@@ -68,10 +68,8 @@ def test_clicks_in_3d_give_a_point_with_its_residual_and_a_distance(show):
     assert node(screen, "/cam/distance").text == f"{1000 * np.linalg.norm(ends[0] - ends[1]):.1f} mm"
     screen.shot("measured_3d")
     screen.view(pixel=inside[1], ruler=None)  # A pixel of the photo is seen in 3D as well.
-    screen.page.wait_for_timeout(200)
-    screen.app.wait_until_idle()
     u, v = inside[1]
-    np.testing.assert_allclose(node(screen, "/cam/marked").points[0, 1], points[v, u], atol=1e-6)
+    screen.wait(lambda: np.allclose(node(screen, "/cam/marked").points[0, 1], points[v, u], atol=1e-6))
     assert screen.errors == []
 
 
@@ -89,13 +87,11 @@ def test_the_support_plane_is_outlined_in_3d_and_its_pixels_tinted_in_the_photo(
     })()"""
 
     def picture():
-        pixels = np.array(screen.state(read), np.int16)
+        pixels = np.array(screen.settled(read), np.int16)
         width = screen.state("document.querySelector('.pane.image canvas').width")
         return pixels.reshape(-1, width, 4)[..., :3]
 
     screen.until("(await import('/web/sides.js')).photo()?.complete ?? true")
-    screen.app.wait_until_idle()
-    screen.page.wait_for_timeout(300)  # Outlines are drawn.
     before = picture()
     chip = screen.page.locator(".pane.image .legend").get_by_text("support plane")
     chip.click()
@@ -118,9 +114,7 @@ def test_the_support_plane_is_outlined_in_3d_and_its_pixels_tinted_in_the_photo(
     assert node(screen, "/cam/plane_outline").visible
     screen.shot("support_plane")
     screen.page.locator(".pane.scene .layers").get_by_text("support plane").click()
-    screen.page.wait_for_timeout(200)
-    screen.app.wait_until_idle()
-    assert not node(screen, "/cam/plane_outline").visible
+    screen.wait(lambda: not node(screen, "/cam/plane_outline").visible)
     assert screen.errors == []
 
 
@@ -159,8 +153,11 @@ def test_a_press_beside_a_handle_does_not_turn_the_view(show):
     for (x, y), turns in ((grid[np.abs(far - 21).argmin()], False), (grid[far.argmax()], True)):
         before = np.array(screen.state(where))
         screen.drag((box["x"] + x, box["y"] + y), (40, 15))
-        screen.page.wait_for_timeout(500)
-        assert (np.linalg.norm(screen.state(where) - before) > 1e-3) == turns
+        if turns:
+            screen.wait(lambda before=before: np.linalg.norm(screen.state(where) - before) > 1e-3)
+        else:
+            screen.page.wait_for_timeout(500)
+            assert np.linalg.norm(screen.state(where) - before) <= 1e-3
     assert screen.errors == []
 
 
