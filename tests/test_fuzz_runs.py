@@ -158,7 +158,7 @@ def resume(folder: Path, file: Path) -> None:
     files = check_files(folder, FRAMES, KeptRecordings("none", len(FRAMES)))
     assert not any(RAW.search(text) for text in files.damaged), files.damaged
     files.totals.as_json(len(FRAMES))
-    write_tables(folder, FRAMES)
+    write_tables(folder, FRAMES, KeptRecordings("none", len(FRAMES)))
 
 
 def index(folder: Path, file: Path) -> None:

@@ -64,7 +64,7 @@ def workers_of(child: subprocess.Popen[str]) -> list[psutil.Process]:
 def test_a_batch_leaves_these_files(uninterrupted: Path, session: Path, made: Made) -> None:
     names = {p.relative_to(uninterrupted).as_posix() for p in uninterrupted.rglob("*") if p.is_file()}
     frames = [f"{7:06d}_{i:06d}" for i in range(N_FRAMES)]
-    expected = {"session.toml", "run.json", "results.csv", "frames.csv", ".lock"}
+    expected = {"session.toml", "run.json", "results.csv", "frames.csv", "frames.parquet", ".answers", ".lock"}
     assert names == expected | {f"runs/{f}.vfrun" for f in frames} | {f"recordings/{f}.rrd" for f in frames}
     assert load_session(uninterrupted / "session.toml") == load_session(session)
     rows = read_results(uninterrupted / "results.csv")

@@ -16,7 +16,7 @@ from PIL import Image
 from tests.batch.frames import make_frames
 from tests.commands.evaluating import BadInput, rows
 from tests.scenes.bop_folder import OBJ_IDS, box_ply, make
-from verefine_viz.run.answers import write_table
+from verefine_viz.run.answers import HEADER as FRAMES_HEADER
 from verefine_viz.scenes.results_csv import HEADER, write_results
 
 POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
@@ -260,7 +260,7 @@ def test_a_data_set_that_cannot_be_used(bad_input: BadInput) -> None:
 
 
 def test_a_batch_run_s_table_of_objects_is_reported_from_its_poses(bad_input: BadInput, tmp_path: Path) -> None:
-    write_table(tmp_path / "frames.csv", [])
+    (tmp_path / "frames.csv").write_text(FRAMES_HEADER)
     assert "; the poses of this run" not in bad_input.refused(tmp_path / "frames.csv")
     poses = tmp_path / "results.csv"
     poses.write_text(HEADER, encoding="utf-8")

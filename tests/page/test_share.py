@@ -36,7 +36,7 @@ MUG = {"scene": {"source": "demo", "demo": "mug"}, "method": {"name": "rir", "it
 @pytest.fixture(autouse=True)
 def fake_parts(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
     if "mug" not in request.fixturenames:
-        monkeypatch.setattr(sharing, "_real_parts", lambda: (FakeTools, Checks()))
+        monkeypatch.setattr(sharing, "real_parts", lambda: (FakeTools, Checks()))
 
 
 def unpacked(html: str, name: str) -> bytes:

@@ -27,7 +27,7 @@ from verefine_viz.core.problem import LeftOut, Placed, Problem, Target
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.methods.registry import make_method
-from verefine_viz.run.answers import COLUMNS, HEADER, result_rows, solving_s, table_lines, write_table
+from verefine_viz.run.answers import COLUMNS, HEADER, result_rows, solving_s, table_lines
 from verefine_viz.run.engine import Run
 from verefine_viz.run.record import Answer, RunEnd, RunRecord, Status
 from verefine_viz.run.run_header import failed_run, header_of
@@ -62,7 +62,7 @@ answers = st.builds(
 
 def table(records: Sequence[RunRecord], folder: Path) -> list[dict[str, str]]:
     """The rows of frames.csv."""
-    write_table(folder / "frames.csv", records)
+    (folder / "frames.csv").write_text(HEADER + "".join(map(table_lines, records)))
     with (folder / "frames.csv").open(encoding="utf-8", newline="") as file:
         return [*csv.DictReader(file)]
 

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
 
+from verefine_viz.batch.answer_index import WrittenIndex
 from verefine_viz.batch.kept_recordings import KeptRecordings
+from verefine_viz.batch.result_tables import (
+    FRAMES,
+    PARQUET,
+    RESULTS,
+    ComparedTable,
+    ParquetTable,
+    Table,
+    WrittenTable,
+)
 from verefine_viz.batch.runs import Runs, file_stem
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.files import opened
 from verefine_viz.core.text_format import MOST_NAMED, first_of
-from verefine_viz.run.answers import HEADER, result_rows, table_lines, write_table
 from verefine_viz.run.record import RunRecord
-from verefine_viz.scenes.results_csv import HEADER as RESULTS_HEADER
-from verefine_viz.scenes.results_csv import results_line, write_results
-
-TABLES = ("frames.csv", "results.csv")
 
 
 @dataclass(frozen=True)
@@ -48,18 +51,14 @@ class BatchFiles:
     @property
     def faults(self) -> tuple[str, ...]:
         """What a batch that came to its end has not written, a sentence each."""
-        sentences = []
-        if self.missing:
-            n = len(self.missing)
-            sentences.append(
-                f"{n} frame{'s' * (n > 1)} of the session {'is' if n == 1 else 'are'} missing "
-                f"({first_of(self.missing, MOST_NAMED)}): what was written of {'it' if n == 1 else 'them'} was deleted "
-                "or damaged while the batch ran; the same command solves what is missing"
-            )
-        if self.other_tables:
-            tables = " and ".join(self.other_tables)
-            sentences.append(f"{tables} changed while the batch ran; the same command mends that")
-        return tuple(sentences)
+        n = len(self.missing)
+        if not n:
+            return ()
+        return (
+            f"{n} frame{'s' * (n > 1)} of the session {'is' if n == 1 else 'are'} missing "
+            f"({first_of(self.missing, MOST_NAMED)}): what was written of {'it' if n == 1 else 'them'} was deleted "
+            "or damaged while the batch ran; the same command solves what is missing",
+        )
 
     @property
     def recordings_note(self) -> str:
@@ -82,6 +81,28 @@ def check_files(folder: Path, frames: Sequence[str], kept: KeptRecordings) -> Ba
         frames: all of the session.
         kept: which recordings there should be.
     """
+    with ExitStack() as open_files:
+        compared = [ComparedTable(open_files, folder / name) for name in (FRAMES, RESULTS)]
+        files = _read(folder, frames, kept, compared)
+        others = [table.name for table in compared if not table.is_as_expected()]
+    others += [PARQUET] if not (folder / PARQUET).is_file() else []
+    return replace(files, other_tables=tuple(others))
+
+
+def write_tables(folder: Path, frames: Sequence[str], kept: KeptRecordings) -> BatchFiles:
+    """Write all tables of a batch as its run files have them, which are read once; what is there then.
+
+    Raises:
+        InputError: the disk refuses.
+    """
+    with ExitStack() as open_files:
+        written: list[Table] = [WrittenTable(open_files, folder / name) for name in (FRAMES, RESULTS)]
+        written += [ParquetTable(open_files, folder / PARQUET), WrittenIndex(open_files, folder)]
+        return _read(folder, frames, kept, written)
+
+
+def _read(folder: Path, frames: Sequence[str], kept: KeptRecordings, tables: Sequence[Table]) -> BatchFiles:
+    """What is there of frames, whose records go to tables as well."""
     runs, totals = Runs(folder / "runs"), Totals()
     recorded = {file.name: file.stat().st_size for file in (folder / "recordings").glob("*.rrd")}
     n_recorded = n_not_kept = 0
@@ -108,47 +129,10 @@ def check_files(folder: Path, frames: Sequence[str], kept: KeptRecordings) -> Ba
                 n_not_kept += not record.end.failed
             yield record
 
-    with ExitStack() as open_files:
-        frames_table, results_table = (_Compared(open_files, folder / name) for name in TABLES)
-        frames_table.expect(HEADER)
-        results_table.expect(f"{RESULTS_HEADER}\n")
-        for record in totals.passing(records()):
-            frames_table.expect(table_lines(record))
-            results_table.expect("".join(map(results_line, result_rows(record))))
-        others = tuple(table.name for table in (frames_table, results_table) if not table.is_as_expected())
+    for record in totals.passing(records()):
+        for table in tables:
+            table.add(record)
     return BatchFiles(
         totals, tuple(missing), tuple(damaged), tuple(can_be_mended), tuple(without_recording),
-        n_recorded, n_not_kept, sum(recorded.values()), others,
+        n_recorded, n_not_kept, sum(recorded.values()),
     )  # fmt: skip
-
-
-def write_tables(folder: Path, frames: Sequence[str]) -> None:
-    """Writes frames.csv and results.csv as the run files have them.
-
-    Raises:
-        InputError: the disk refuses.
-    """
-    runs = Runs(folder / "runs")
-    write_table(folder / "frames.csv", runs.records(frames))
-    write_results(folder / "results.csv", (row for record in runs.records(frames) for row in result_rows(record)))
-
-
-class _Compared:
-    """A table that is read on as long as it is what it should be."""
-
-    def __init__(self, open_files: ExitStack, path: Path) -> None:
-        self.name = path.name
-        self._file: BinaryIO | None = None
-        try:
-            self._file = open_files.enter_context(opened(path))
-        except InputError:
-            return  # It is not there, or no file.
-
-    def expect(self, text: str) -> None:
-        content = text.encode()
-        if self._file is not None and self._file.read(len(content)) != content:
-            self._file = None
-
-    def is_as_expected(self) -> bool:
-        """Whether it held all that was expected, and nothing more."""
-        return self._file is not None and not self._file.read(1)

@@ -5,6 +5,8 @@
     session.toml              exactly what ran, every field explicit
     run.json                  versions, machine, totals
     frames.csv, results.csv   a row per object
+    frames.parquet            frames.csv with types and all digits
+    .answers                  a copy of all answers, read where no run file has changed since
     motion.csv                the same of a sequence: how poses change from frame to frame
     runs/SSSSSS_IIIIII.vfrun   the run of each frame: iterations and answers
     sequence.rrd              the answers over the frames of a sequence
@@ -23,8 +25,9 @@ from typing import Any, BinaryIO, Literal
 import msgspec
 
 import verefine_viz
-from verefine_viz.batch.completeness import TABLES
+from verefine_viz.batch.answer_index import INDEX
 from verefine_viz.batch.motion_table import MOTION
+from verefine_viz.batch.result_tables import TABLES
 from verefine_viz.batch.runs import RUN_FILE, Runs, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
@@ -45,7 +48,7 @@ SESSION_FILE = "session.toml"
 LOCK_FILE = ".lock"
 ERRORS = "errors"
 _LEFT_BY_A_KILLED_BATCH = (
-    *(f"{name}.*.part" for name in (SESSION_FILE, RUN_FILE, MOTION, *TABLES)),
+    *(f"{name}.*.part" for name in (SESSION_FILE, RUN_FILE, MOTION, INDEX, *TABLES)),
     f"{SEQUENCE_FILE}.part", "errors/*.part",
 )  # fmt: skip
 """Files that only the process with the lock writes."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from msgspec import structs
 
+from verefine_viz.batch.answer_index import indexed_answers
 from verefine_viz.batch.answer_orders import Order, sort_key
 from verefine_viz.batch.fix_files import FIX_FOLDER
 from verefine_viz.batch.folder import SESSION_FILE
@@ -17,9 +18,10 @@ from verefine_viz.batch.runs import RUN_FILE, BatchInfo, Runs, read_run
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.files import LEVELS_BELOW
+from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
-from verefine_viz.run.record import Answer, RunRecord
+from verefine_viz.run.record import Answer, RunEnd, RunRecord, awaited
 from verefine_viz.run.run_file import SUFFIX, read_run_file
 from verefine_viz.run.run_header import session_of
 from verefine_viz.run.session_file import load_session
@@ -54,6 +56,17 @@ class BatchIndex:
         from verefine_viz.batch.motion_table import read_tracks  # Most who read a batch need no motion.
 
         return read_tracks(self.folder) if self.motion is None else self.motion()
+
+    @cached_property
+    def unordered_tracks(self) -> tuple[MotionTrack, ...]:
+        """The objects over frames whose order means nothing."""
+        from verefine_viz.batch.motion_table import KnownShapes, motion_rows, tracks_of
+
+        of_frame: dict[str, list[Answer]] = {}
+        for row in sorted((row for row in self.rows if row.is_object), key=lambda row: parse_frame(row.frame)):
+            of_frame.setdefault(row.frame, []).append(row)
+        records = (structs.replace(awaited(frame), end=RunEnd(answers=(*rows,))) for frame, rows in of_frame.items())
+        return tracks_of(motion_rows(records, KnownShapes({})))
 
     def sorted_by(self, order: Order) -> tuple[Answer, ...]:
         """The rows in one of :data:`ORDERS`; see :func:`sort_key`.
@@ -191,8 +204,9 @@ def read_batch(folder: Path) -> BatchIndex:
         return _index_run_files(folder)
     run = read_run(folder)
     session = load_session(folder / SESSION_FILE)
-    runs = Runs(folder / "runs")
-    rows = tuple(row for frame in runs.frames for row in _answers(runs.read(frame)))
+    runs, rows = Runs(folder / "runs"), indexed_answers(folder)
+    if rows is None:
+        rows = tuple(row for frame in runs.frames for row in _answers(runs.read(frame)))
     if not rows:
         raise InputError(f"{folder} has no finished frame yet: the batch is running or was killed; run it again")
     n_objects, n_written = sum(row.is_object for row in rows), run.totals.objects

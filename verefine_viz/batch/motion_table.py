@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
@@ -16,9 +16,11 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.files import reading
 from verefine_viz.core.frame_names import parse_frame
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.number_kinds import Id, Real
 from verefine_viz.core.writing import atomic
 from verefine_viz.evaluation.pose_motion import (
+    NO_SYMMETRY,
     Kind,
     Motion,
     MotionCounts,
@@ -45,6 +47,22 @@ class Shapes(Protocol):
     def turns_of(self, obj_id: int, frame: str) -> Float:
         """(N, 4, 4) turns after which the shape nearly looks the same; working them out may take seconds."""
         ...
+
+
+@dataclass(frozen=True)
+class KnownShapes:
+    """The shapes of objects whose models are at hand; others have no symmetry."""
+
+    models: Mapping[int, ObjectModel]
+    flips: Callable[[ObjectModel], Float] = lambda model: NO_TURNS
+
+    def symmetries_of(self, obj_id: int, frame: str) -> Float:
+        """See :class:`Shapes`."""
+        return self.models[obj_id].symmetries if obj_id in self.models else NO_SYMMETRY
+
+    def turns_of(self, obj_id: int, frame: str) -> Float:
+        """See :class:`Shapes`."""
+        return self.flips(self.models[obj_id]) if obj_id in self.models else NO_TURNS
 
 
 class MotionRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -344,13 +344,12 @@ class _Batch:
     def _write_end(self, status: str, spent_s: float) -> BatchFiles:
         """Writes tables and run.json; what is on the disk then."""
         self.folder.save_session()  # The folder may have been deleted while the batch ran.
-        write_tables(self.folder.path, self.frames)
+        files = write_tables(self.folder.path, self.frames, self._kept)
         if self._is_sequence:
             output = SequenceOutput(self.folder.path, self._source)
             output.write_table(self.frames)
             if status == "finished" and self.session.recording.keep != "none":
                 output.write_recording(self.session.title)
-        files = self._check_files()
         if status == "finished" and files.faults:
             status = "incomplete"
         self._note(status, spent_s, files.totals.as_json(len(self.frames)))

@@ -6,7 +6,7 @@ import math
 import tempfile
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from verefine_viz.run.toolbox import Toolbox
 
 Json = dict[str, Any]
+Parts = tuple["Callable[[Session], Toolbox]", Checks]
+"""What builds the algorithm's parts from a session, and what physics says about poses."""
 STEPS: dict[str, tuple[float, type]] = {
     "rendered": (1e-4, np.uint16),
     "angle": (math.radians(1), np.uint8),
@@ -136,7 +138,7 @@ def opened(path: Path, frame: str | None = None) -> Debugger:
     there = read_openable(path)
     if there.gallery is not None:
         return opened_batch(there.gallery, frame)
-    space = Workspace(there.session, there.session_path, *_real_parts(), frame=frame, recording=there.recording)
+    space = Workspace(there.session, there.session_path, *real_parts(), frame=frame, recording=there.recording)
     if frame not in (None, space.frame):
         raise InputError(f"{path} is of frame {space.frame}, not of {frame}; leave out --frame")
     debugger = Debugger(space).carry_out(())
@@ -161,27 +163,39 @@ def opened_batch(gallery: Gallery, frame: str | None = None) -> Debugger:
     return opened_answer(gallery, entry)
 
 
-def opened_answer(gallery: Gallery, entry: GalleryEntry) -> Debugger:
+def opened_answer(gallery: Gallery, entry: GalleryEntry, parts: Parts | None = None) -> Debugger:
     """Open an answer of a batch.
+
+    Args:
+        gallery: of the batch.
+        entry: the answer.
+        parts: those of answers that were opened before; None = its own.
 
     Raises:
         VerefineError: it cannot be opened.
     """
     given = {"frame": entry.row.frame, "records": gallery.records(entry.run)}
-    space = Workspace(gallery.session(entry.run), None, *_real_parts(), recording=gallery.loose_record(entry), **given)
+    session, recording = gallery.session(entry.run), gallery.loose_record(entry)
+    space = Workspace(session, None, *(parts or real_parts()), recording=recording, **given)
     debugger = Debugger(space, gallery=gallery)
     debugger.enter_run(entry.run)
     debugger.show(entry.iteration, entry.row.instance_id, None)
     return debugger.carry_out(())
 
 
-def _real_parts() -> tuple[Callable[[Session], Toolbox], Checks]:
+def real_parts() -> Parts:
+    """What makes the parts of sessions; those of the same data share what was read of them."""
     from verefine_viz.physics.plausibility import plausibility
     from verefine_viz.physics.proximity import Surfaces, overlap
     from verefine_viz.run.toolbox import Toolbox
+    from verefine_viz.scenes.source import open_scene
 
-    surfaces = Surfaces()
-    return Toolbox, Checks(partial(plausibility, surface_of=surfaces), partial(overlap, surface_of=surfaces))
+    surfaces, source_of = Surfaces(), cache(open_scene)
+
+    def tools_of(session: Session) -> Toolbox:
+        return Toolbox(session, source=source_of(session.scene, session.hypotheses))
+
+    return tools_of, Checks(partial(plausibility, surface_of=surfaces), partial(overlap, surface_of=surfaces))
 
 
 def shared(

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass
-from pathlib import Path
 from typing import Literal
 
 from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.problem import LeftOut
-from verefine_viz.core.writing import atomic
 from verefine_viz.run.record import Answer, RunEnd, RunRecord, unsolved
 from verefine_viz.scenes.results_csv import ResultRow
 
@@ -100,17 +98,6 @@ def table_lines(record: RunRecord) -> str:
     rows = ([column.cell(answer) for column in COLUMNS] for answer in record.end.answers)
     csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
-
-
-def write_table(path: Path, records: Iterable[RunRecord]) -> None:
-    """Write frames.csv, row by row; it appears under its name only when it is whole.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    with atomic(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-        file.write(HEADER)
-        file.writelines(map(table_lines, records))
 
 
 def result_rows(record: RunRecord) -> Iterator[ResultRow]:

@@ -14,7 +14,7 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 import msgspec
 import numpy as np
@@ -77,7 +77,7 @@ class RunFile:
         Raises:
             InputError: the disk does not take it.
         """
-        self._write(_ending(end))
+        self._write(ending(end))
         self.close()
 
     def finished_as(self, end: RunEnd) -> bytes:
@@ -86,7 +86,7 @@ class RunFile:
         Raises:
             InputError: what is written of it cannot be read.
         """
-        return read_file(self.path, "run file") + _ending(end)
+        return read_file(self.path, "run file") + ending(end)
 
     def close(self) -> None:
         """Leave the run as it is; later calls do nothing."""
@@ -132,7 +132,7 @@ def write_record(path: Path, record: RunRecord) -> None:
 
 def encoded(record: RunRecord) -> bytes:
     """The content of the file of a whole record; :func:`decoded` reads it."""
-    end = b"" if record.end is None else _ending(record.end)
+    end = b"" if record.end is None else ending(record.end)
     return b"".join([_beginning(record.header), *map(_entry, record.iterations), end])
 
 
@@ -212,8 +212,25 @@ def _entry(iteration: Iteration) -> bytes:
     return framed(_ITERATION + _ENCODER.encode(thin(iteration)))
 
 
-def _ending(end: RunEnd) -> bytes:
+def ending(end: RunEnd) -> bytes:
+    """The entry that a run ends with."""
     return framed(_END + _ENCODER.encode(end))
+
+
+def read_endings(file: BinaryIO) -> Iterator[RunEnd]:
+    """The ends of several runs, one after the other as :func:`ending` makes them.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    while head := file.read(_HEAD.size):
+        body = file.read(_HEAD.unpack(head)[0]) if len(head) == _HEAD.size else b""
+        if not body or zlib.crc32(body) != _HEAD.unpack(head)[1]:
+            raise InputError("answers are damaged")
+        try:
+            yield _END_DECODER.decode(memoryview(body)[1:])
+        except (msgspec.DecodeError, ValueError):
+            raise InputError("answers of another version") from None
 
 
 def framed(body: bytes) -> bytes:

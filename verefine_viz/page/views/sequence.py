@@ -6,7 +6,7 @@ the frames that were solved here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,14 +14,12 @@ import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
-from verefine_viz.batch.motion_table import NO_TURNS, MotionRow, MotionTrack, motion_rows, tracks_of
-from verefine_viz.core.arrays import Float
+from verefine_viz.batch.motion_table import KnownShapes, MotionRow, MotionTrack, motion_rows, tracks_of
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.frame_names import parse_frame
-from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best
-from verefine_viz.evaluation.pose_motion import FLIP_DEG, JUMP_DEG, JUMP_MM, NEAR_DEG, NO_SYMMETRY
+from verefine_viz.evaluation.pose_motion import FLIP_DEG, JUMP_DEG, JUMP_MM, NEAR_DEG
 from verefine_viz.page import protocol as p
 from verefine_viz.page.answers_to_wants import SequenceAnswer, SequenceLane, SequenceMark
 from verefine_viz.page.views.pixel_maps import packed
@@ -131,13 +129,8 @@ def _of_batch(runs: Mapping[str, BatchIndex], run: str) -> Followed:
     entries = ((name, row) for name, index in runs.items() for row in index.rows)
     keyed = [(key, row) for key, (name, row) in enumerate(entries) if name == run]
     answers = {(row.frame, row.obj_id, row.instance_id): (key, row) for key, row in keyed}
-    if tracks := runs[run].tracks:
-        return Followed(run, tracks, answers, is_sequence=True)
-    of_frame: dict[str, list[Answer]] = {}
-    for row in sorted((row for _, row in keyed if row.is_object), key=lambda row: parse_frame(row.frame)):
-        of_frame.setdefault(row.frame, []).append(row)
-    records = [structs.replace(awaited(frame), end=RunEnd(answers=(*rows,))) for frame, rows in of_frame.items()]
-    return Followed(run, tracks_of(motion_rows(records, Known({}))), answers, is_sequence=False)
+    tracks = runs[run].tracks
+    return Followed(run, tracks or runs[run].unordered_tracks, answers, is_sequence=bool(tracks))
 
 
 def _here(space: Workspace) -> Followed:
@@ -153,7 +146,7 @@ def _here(space: Workspace) -> Followed:
     ends = [record.end for record in records if record.end is not None]
     answers = {(one.frame, one.obj_id, one.instance_id): (-1, one) for end in ends for one in end.answers}
     evaluator = space.work.first.final_evaluator
-    shapes = Known(space.problem.models, evaluator.flips)
+    shapes = KnownShapes(space.problem.models, evaluator.flips)
     return Followed("", tracks_of(motion_rows(records, shapes)), answers, is_sequence=True)
 
 
@@ -204,19 +197,3 @@ def _recorded(space: Workspace, solved: Mapping[str, RunRecord]) -> list[RunReco
             )
             of_frame.setdefault(one.frame, []).append(recorded)
     return [structs.replace(awaited(frame), end=RunEnd(answers=(*rows,))) for frame, rows in of_frame.items()]
-
-
-@dataclass(frozen=True)
-class Known:
-    """The shapes of objects whose models are at hand; others have no symmetry."""
-
-    models: Mapping[int, ObjectModel]
-    flips: Callable[[ObjectModel], Float] = lambda model: NO_TURNS
-
-    def symmetries_of(self, obj_id: int, frame: str) -> Float:
-        """See :class:`Shapes`."""
-        return self.models[obj_id].symmetries if obj_id in self.models else NO_SYMMETRY
-
-    def turns_of(self, obj_id: int, frame: str) -> Float:
-        """See :class:`Shapes`."""
-        return self.flips(self.models[obj_id]) if obj_id in self.models else NO_TURNS
