@@ -96,6 +96,8 @@ class BatchProgress:
 
     def _rate(self) -> str:
         frame_s = self.pace.frame_s
+        if frame_s is None and self._n_done == self._total:
+            return ""
         return self._once() or "starting" if frame_s is None else f"{two_digits(frame_s)} s a frame"
 
     def _once(self) -> str:
@@ -105,12 +107,13 @@ class BatchProgress:
 
     def _left(self) -> str:
         n_left = (self._total or 0) - self._n_done
+        if self._total and not n_left:
+            return "writing tables"
         left_s = self.pace.left_s(n_left, monotonic())
         if left_s is None:
             return ""
         once = self._once()
-        more = f" + {once}" if once else ""
-        return f"{clock(max(left_s, 1.0))} left{more}" if n_left else "writing tables"
+        return f"{clock(max(left_s, 1.0))} left{f' + {once}' if once else ''}"
 
     def _recall(self) -> str:
         recall = None if self._now is None else self._now.counts.recall
@@ -224,15 +227,18 @@ def _live(console: Console, columns: tuple[ProgressColumn, ...]) -> Bar:
 
 @contextmanager
 def _printed_now_and_then(console: Console, describe: Callable[[], str]) -> Iterator[None]:
-    """Where ``console`` is no terminal, a line every :data:`EVERY_S`, also while nothing is done."""
+    """Where ``console`` is no terminal, a line every :data:`EVERY_S` that says something new."""
     if console.is_terminal:
         yield
         return
     is_over = threading.Event()
 
     def keep_printing() -> None:
+        said = ""
         while not is_over.wait(EVERY_S):
-            console.print(escape(describe()), soft_wrap=True, highlight=False)
+            if (now := describe()) != said:
+                console.print(escape(now), soft_wrap=True, highlight=False)
+            said = now
 
     thread = threading.Thread(target=keep_printing, name="verefine-progress", daemon=True)
     thread.start()
