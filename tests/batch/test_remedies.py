@@ -160,6 +160,11 @@ def test_several_are_tried_together_and_written_as_they_were_tried(tmp_path: Pat
     written, tried = load_session(file), trial.jobs["run"].session
     assert (written.method, written.physics) == (tried.method, tried.physics)
     assert written.scene == runs["run"].session.scene
+    assert file.read_text().startswith("# changed by fix: physics.enabled = false (was true), method.iterations = ")
+    backwards = ("method.iterations x4 + physics.enabled",)
+    assert _trials(folder, together=(trial.name,))[-1].name == trial.name
+    assert write_sessions(backwards, trials, runs, tmp_path / "same.toml")
+    assert load_session(tmp_path / "same.toml") == written
     with pytest.raises(SettingsError, match="unknown remedy"):
         _trials(folder, together=("method.name",))
 

@@ -16,7 +16,7 @@ from verefine_viz.batch.jobs import BatchJob
 from verefine_viz.core.causes import CAUSES, Cause
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.frame_names import parse_frame
-from verefine_viz.core.remedies import Remedy
+from verefine_viz.core.remedies import Remedy, SettingValue
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.signs import LOW_SCORE
 from verefine_viz.diagnosis.usable_remedies import is_read
@@ -104,7 +104,7 @@ def trials_of(
         out: the folder of all trials.
         seed: of the sample of good answers.
         every: whether each remedy is tried on all bad answers; else on those of its causes.
-        together: names of remedies; one alone is tried anyway.
+        together: names of remedies, or of rows that have several; one alone is tried anyway.
 
     Raises:
         VerefineError: no remedy is known, or no session can have it.
@@ -122,7 +122,7 @@ def trials_of(
         named = {remedy.name: (remedy, []) for remedy in every_known if bad}
     sets = list[tuple[tuple[Remedy, ...], list[KnownAnswer]]]()
     sets += [((remedy,), bad if every else of_it) for remedy, of_it in named.values()]
-    chosen = tuple(dict.fromkeys(remedy_named(name, named) for name in together))
+    chosen = tuple(dict.fromkeys(remedy_named(name, named) for names in together for name in names.split(TOGETHER)))
     if len(chosen) > 1:
         of_any = [one for one in bad if every or any(one in named[name][1] for name in chosen)]
         sets.append((tuple(named[name][0] for name in chosen), of_any))
@@ -169,7 +169,21 @@ def _trial(
 
 
 def remedied(session: Session, remedies: Sequence[Remedy]) -> Session | None:
-    """A session with some remedies; None where it has what they change already, or its method reads none of it.
+    """A session with some remedies; None where they change nothing of it.
+
+    Raises:
+        SettingsError: two of them change the same setting.
+    """
+    changes: dict[str, dict[str, Any]] = {}
+    for name, value in changes_of(session, remedies).items():
+        section, _, field = name.partition(".")
+        changes.setdefault(section, {})[field] = value
+    return changed(session, changes, (*AT_ITS_START, *WITH_ITS_DATA, "scene")) if changes else None
+
+
+def changes_of(session: Session, remedies: Sequence[Remedy]) -> dict[str, SettingValue]:
+    """What some remedies change of a session, by dotted name; nothing where it has that already, or its method reads
+    none of it.
 
     Raises:
         SettingsError: two of them change the same setting.
@@ -178,13 +192,10 @@ def remedied(session: Session, remedies: Sequence[Remedy]) -> Session | None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise SettingsError(f"two remedies change {twice}; take one of them")
-    changes: dict[str, dict[str, Any]] = {}
+    changes: dict[str, SettingValue] = {}
     for remedy in remedies:
-        if is_read(remedy, session):
-            for name, value in remedy.changes(session).items():
-                section, _, field = name.partition(".")
-                changes.setdefault(section, {})[field] = value
-    return changed(session, changes, (*AT_ITS_START, *WITH_ITS_DATA, "scene")) if changes else None
+        changes |= remedy.changes(session) if is_read(remedy, session) else {}
+    return changes
 
 
 def jobs_of(trials: Sequence[Trial]) -> Iterator[BatchJob]:

@@ -40,7 +40,7 @@ def _open(d: PageState, verb: Open, window: int | None) -> None:
         _open_answer(d, entry)
         if verb.beside:
             d.put_beside(d.space.work.first, d.space.recorded(expand_home(verb.beside)))
-        d.show(entry.iteration, entry.row.instance_id, window)
+        d.show(None if verb.beside else entry.iteration, entry.row.instance_id, window)
         return
     if verb.link:
         _open_link(d, read_link(verb.link), window)
