@@ -103,7 +103,8 @@ def trials_of(
         runs: batches by name.
         out: the folder of all trials.
         seed: of the sample of good answers.
-        every: whether each remedy is tried on all bad answers; else on those of its causes.
+        every: whether each remedy is tried on all bad answers, and where those of their causes change nothing each
+            that is known; else on those of its causes.
         together: names of remedies, or of rows that have several; one alone is tried anyway.
 
     Raises:
@@ -117,7 +118,7 @@ def trials_of(
     for one in bad:
         for remedy in one.remedies:
             named.setdefault(remedy.name, (remedy, []))[1].append(one)
-    if every and not named:
+    if every and not any(remedied(index.session, [of[0]]) for of in named.values() for index in runs.values()):
         every_known = (remedy.for_finding({}) for known in CAUSES.values() for remedy in known.remedies)
         named = {remedy.name: (remedy, []) for remedy in every_known if bad}
     sets = list[tuple[tuple[Remedy, ...], list[KnownAnswer]]]()
@@ -218,5 +219,10 @@ def check_trials(trials: Sequence[Trial], runs: Mapping[str, BatchIndex]) -> Non
         raise InputError(
             f"of {len(bad)} wrong answers no cause is known, so no remedy; run the batch without --no-diagnose, or try "
             "every remedy with --all"
+        )
+    names = ", ".join(dict.fromkeys(remedy.name for one in bad for remedy in one.remedies))
+    if names:
+        raise InputError(
+            f"{len(bad)} wrong answers ask for {names}, which changes nothing here; try every remedy with --all"
         )
     raise InputError(f"no setting mends the causes of {len(bad)} wrong answers; docs/causes.md says what to look at")
