@@ -19,7 +19,10 @@ from verefine_viz.batch.fix_command import FixRequest
 from verefine_viz.batch.fix_files import CSV_FILE, FIX_FILE, FixTable
 from verefine_viz.batch.fix_thread import FixState, FixThread
 from verefine_viz.batch.index import read_batch
+from verefine_viz.batch.remedy_trials import jobs_of
+from verefine_viz.batch.runs import Runs
 from verefine_viz.core.files import read_json
+from verefine_viz.run.run_header import failed_run
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -50,6 +53,15 @@ def test_a_killed_fix_gives_the_same_table_and_the_written_session_the_same_answ
     killed_until_done(again, partial(_n_done, killed), 1, random.Random(1))
     assert _table(killed) == _table(whole)
     assert all(int(line["right_tried"]) >= min(int(line["tried"]), 6 - len(wrong)) for line in _table(whole))
+
+    job = next(jobs_of(FixRequest(folder=run, out=killed).trials({"run": read_batch(run)})))
+    frame = job.session.scene.frames[0]
+    Runs(job.folder / "runs").save(job.session, failed_run(job.session, {}, frame, "no memory"))
+    lost = [str(word) for word in again]
+    assert subprocess.run(lost, capture_output=True, text=True).returncode == 1
+    assert _table(killed) != _table(whole)
+    subprocess.run([*lost, "--retry-failed"], check=True, capture_output=True)
+    assert _table(killed) == _table(whole)
 
     stopped, states = FixRequest(folder=run, out=tmp_path / "stopped"), list[FixState]()
     beside = FixThread(stopped, 1, states.append).start()

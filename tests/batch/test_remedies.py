@@ -160,8 +160,22 @@ def test_several_are_tried_together_and_written_as_they_were_tried(tmp_path: Pat
     written, tried = load_session(file), trial.jobs["run"].session
     assert (written.method, written.physics) == (tried.method, tried.physics)
     assert written.scene == runs["run"].session.scene
+    assert file.read_text().startswith("# changed by fix: physics.enabled = false (was true), method.iterations = ")
+    backwards = ("method.iterations x4 + physics.enabled",)
+    assert _trials(folder, together=(trial.name,))[-1].name == trial.name
+    assert write_sessions(backwards, trials, runs, tmp_path / "same.toml")
+    assert load_session(tmp_path / "same.toml") == written
     with pytest.raises(SettingsError, match="unknown remedy"):
         _trials(folder, together=("method.name",))
+
+
+def test_where_causes_name_only_what_is_set_already_every_known_remedy_is_tried(tmp_path: Path) -> None:
+    write_run(tmp_path, [_wrong(0, *because(Cause.AMBIGUOUS)), row(1)], {"score": {"colour_weight": 0.1}})
+    runs = FixRequest(folder=tmp_path).runs()
+    assert FixRequest(folder=tmp_path).trials(runs) == ()
+    trials = FixRequest(folder=tmp_path, every=True).trials(runs)
+    assert {"physics.enabled = false", "method.iterations x2"} <= {trial.name for trial in trials}
+    assert all(trial.name != COLOUR.name for trial in trials)
 
 
 def test_each_run_of_a_folder_has_a_trial_and_a_session_of_its_own(tmp_path: Path) -> None:

@@ -102,6 +102,20 @@ def test_exports_can_be_read_back(debugger: Debugger, tmp_path: Path, posted: Po
     assert read_recording(folder / "again.vfrun").is_complete
 
 
+def test_a_film_is_for_the_browser_alone(tmp_path: Path, posted: Posted):
+    write = Exporter(tmp_path)
+    debugger = Debugger(Workspace(SESSION, None, FakeTools), posted, write=write)
+    debugger.carry_out([p.RunVerb()])
+    for name, kind in (("", "PNG"), ("_film.gif", "GIF")):
+        debugger.carry_out([p.Save("film", name=name)])
+        message = posted.of("written")[-1]
+        assert message["path"] is None
+        with Image.open(write.file(message["name"])) as image:
+            assert image.format == kind
+    write.close()
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
 def test_what_was_written_can_be_downloaded_and_nothing_else(open_page, tmp_path: Path):
     app: App = open_page()
     app.send(p.Save("session", name="mine"))

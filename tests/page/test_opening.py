@@ -221,3 +221,7 @@ def test_an_answer_opens_with_another_run_of_its_frame_beside_it(gallery: Galler
     assert d.space.work.compare is not None
     a, b = (d.space.branches[index] for index in d.space.work.compare)
     assert (a is d.space.work.first, b.recording == other) == (True, True)
+    assert posted.of("view")[-1]["at"] is None  # both at their ends, not where the answer went wrong
+    n = len(d.space.branches)
+    d.carry_out([p.Open(answer=0, beside=str(other))])
+    assert len(d.space.branches) == n

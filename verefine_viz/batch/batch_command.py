@@ -91,7 +91,7 @@ def _print_all(outcomes: Sequence[tuple[BatchJob, BatchOutcome]], out: Path) -> 
         console.print(escape(f"note ({n} run{'s' * (n > 1)}): {note}"))
     n_failed = sum(outcome.n_failed for _, outcome in outcomes)
     if n_failed:
-        console.print(f"{n_failed} frames failed; the same command with --retry-failed tries them again.")
+        console.print(failed(n_failed))
     n_unreadable = sum(outcome.n_unreadable for _, outcome in outcomes)
     if n_unreadable:
         console.print(unreadable(n_unreadable))
@@ -144,6 +144,12 @@ def _print_summary(outcome: BatchOutcome) -> None:
     if outcome.n_unreadable:
         console.print(unreadable(outcome.n_unreadable))
     _print_written(console, outcome)
+
+
+def failed(n: int) -> str:
+    """A sentence on ``n`` frames that failed: what to do."""
+    who, whom = ("1 frame", "it") if n == 1 else (f"{n} frames", "them")
+    return f"{who} failed; the same command with --retry-failed tries {whom} again."
 
 
 def unreadable(n: int, which: str = "frames.csv says which") -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,15 +10,25 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from verefine_viz.batch.batch_command import solved_jobs
+from verefine_viz.batch.batch_command import failed, solved_jobs
 from verefine_viz.batch.fix_files import CSV_FILE, FixRow, FixTable, best_row, fix_folder, write_fix
 from verefine_viz.batch.index import BatchIndex, find_runs, has_finished_frame, read_batch
 from verefine_viz.batch.remedy_table import fix_table
-from verefine_viz.batch.remedy_trials import TOGETHER, Trial, check_trials, jobs_of, remedied, trials_of
+from verefine_viz.batch.remedy_trials import (
+    TOGETHER,
+    Trial,
+    changes_of,
+    check_trials,
+    jobs_of,
+    remedied,
+    trials_of,
+)
 from verefine_viz.batch.run_batch import Backend
 from verefine_viz.batch.runs import RUN_FILE
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.remedies import Remedy
+from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import save_session
 
 LOG_WIDTH = 140
@@ -67,8 +78,14 @@ class FixRequest:
         return fix_table(trials, runs, self.seed, self.every, self.together)
 
 
-def run_fix(request: FixRequest, backend: Backend, write: Path | None) -> int:
+def run_fix(request: FixRequest, backend: Backend, write: Path | None, retry_failed: bool = False) -> int:
     """Tries remedies, prints their table, and writes the session with those that were chosen, else with the best one.
+
+    Args:
+        request: what is tried.
+        backend: where.
+        write: the session file; None = none.
+        retry_failed: whether frames that failed with a remedy are tried again.
 
     Returns:
         The exit code: 0, or 1 where a frame failed.
@@ -79,12 +96,15 @@ def run_fix(request: FixRequest, backend: Backend, write: Path | None) -> int:
     runs = request.runs()
     trials = request.trials(runs)
     check_trials(trials, runs)
-    outcomes = [outcome for _, outcome in solved_jobs([*jobs_of(trials)], backend, task="solve")]
+    outcomes = [outcome for _, outcome in solved_jobs([*jobs_of(trials)], backend, retry_failed, "solve")]
     table = request.table(trials, runs)
     write_fix(table, request.target)
     console = Terminal(highlight=False, soft_wrap=True)
     console.width = console.width if console.is_terminal else LOG_WIDTH
     console.print(printed(table))
+    n_failed = sum(outcome.n_failed for outcome in outcomes)
+    if n_failed:
+        console.print(failed(n_failed))
     console.print(escape(f"Table in {request.target / CSV_FILE}"))
     if write is not None:
         chosen = request.together or (best_row(table).remedy,)
@@ -117,7 +137,8 @@ def _lost(row: FixRow) -> tuple[str, str, str]:
 def write_sessions(
     chosen: Sequence[str], trials: Sequence[Trial], runs: Mapping[str, BatchIndex], path: Path
 ) -> list[Path]:
-    """Writes the session of each run with remedies that were tried: ``path``, of several runs ``STEM-RUN.toml``.
+    """Writes the session of each run with remedies that were tried: ``path``, of several runs ``STEM-RUN.toml``. Its
+    first line says what was changed.
 
     Raises:
         VerefineError: they were not tried, or a file cannot be written.
@@ -128,13 +149,23 @@ def write_sessions(
     for name, session in mended.items():
         if session is not None:
             file = path if len(runs) == 1 else path.with_name(f"{path.stem}-{name}{path.suffix or '.toml'}")
-            save_session(session, file)
+            save_session(session, file, changes_line(runs[name].session, trial.remedies))
             written.append(file)
     return written
 
 
+def changes_line(session: Session, remedies: Sequence[Remedy]) -> str:
+    """``# changed by fix: physics.enabled = false (was true)``, the comment that heads a session with some remedies."""
+    changes = []
+    for name, value in changes_of(session, remedies).items():
+        section, _, field = name.partition(".")
+        was = getattr(getattr(session, section), field)
+        changes.append(f"{name} = {json.dumps(value)} (was {json.dumps(was)})")
+    return f"# changed by fix: {', '.join(changes)}\n"
+
+
 def trial_of(chosen: Sequence[str], trials: Sequence[Trial]) -> Trial:
-    """The trial of some remedies, named as a row has them or by their settings alone.
+    """The trial of some remedies, named as a row has them or by their settings alone, in any order.
 
     Raises:
         InputError: they were not tried, or not together.
@@ -142,7 +173,7 @@ def trial_of(chosen: Sequence[str], trials: Sequence[Trial]) -> Trial:
     names = TOGETHER.join(chosen).split(TOGETHER)
     for trial in trials:
         if len(trial.remedies) == len(names) and all(
-            name in (one.name, one.setting) for name, one in zip(names, trial.remedies, strict=True)
+            any(name in (one.name, one.setting) for name in names) for one in trial.remedies
         ):
             return trial
     raise InputError(unknown("remedy", TOGETHER.join(names), tuple(trial.name for trial in trials)))

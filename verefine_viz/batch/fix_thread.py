@@ -36,7 +36,7 @@ class FixState:
 
 
 class FixThread:
-    """Tries remedies until it is done or stopped.
+    """Tries remedies until it is done or stopped; frames that failed before are tried again.
 
     Args:
         request: what is tried.
@@ -90,7 +90,8 @@ class FixThread:
         with closing(Pool(work, self._n_workers, pause_s=PAUSE_S)) as pool:
             for job in jobs:
                 pool.switch_to(FrameWork(job.session, job.folder.absolute()))
-                run_batch(job.session, job.folder, Backend(self._n_workers), self._report(before), workers=pool)
+                report = self._report(before)
+                run_batch(job.session, job.folder, Backend(self._n_workers), report, retry_failed=True, workers=pool)
                 before += len(job.session.scene.frames)
 
     def _report(self, before: int) -> Callable[[BatchStatus], None]:

@@ -16,7 +16,7 @@ from verefine_viz.batch.jobs import BatchJob
 from verefine_viz.core.causes import CAUSES, Cause
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.frame_names import parse_frame
-from verefine_viz.core.remedies import Remedy
+from verefine_viz.core.remedies import Remedy, SettingValue
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.signs import LOW_SCORE
 from verefine_viz.diagnosis.usable_remedies import is_read
@@ -103,8 +103,9 @@ def trials_of(
         runs: batches by name.
         out: the folder of all trials.
         seed: of the sample of good answers.
-        every: whether each remedy is tried on all bad answers; else on those of its causes.
-        together: names of remedies; one alone is tried anyway.
+        every: whether each remedy is tried on all bad answers, and where those of their causes change nothing each
+            that is known; else on those of its causes.
+        together: names of remedies, or of rows that have several; one alone is tried anyway.
 
     Raises:
         VerefineError: no remedy is known, or no session can have it.
@@ -117,12 +118,12 @@ def trials_of(
     for one in bad:
         for remedy in one.remedies:
             named.setdefault(remedy.name, (remedy, []))[1].append(one)
-    if every and not named:
+    if every and not any(remedied(index.session, [of[0]]) for of in named.values() for index in runs.values()):
         every_known = (remedy.for_finding({}) for known in CAUSES.values() for remedy in known.remedies)
         named = {remedy.name: (remedy, []) for remedy in every_known if bad}
     sets = list[tuple[tuple[Remedy, ...], list[KnownAnswer]]]()
     sets += [((remedy,), bad if every else of_it) for remedy, of_it in named.values()]
-    chosen = tuple(dict.fromkeys(remedy_named(name, named) for name in together))
+    chosen = tuple(dict.fromkeys(remedy_named(name, named) for names in together for name in names.split(TOGETHER)))
     if len(chosen) > 1:
         of_any = [one for one in bad if every or any(one in named[name][1] for name in chosen)]
         sets.append((tuple(named[name][0] for name in chosen), of_any))
@@ -169,7 +170,21 @@ def _trial(
 
 
 def remedied(session: Session, remedies: Sequence[Remedy]) -> Session | None:
-    """A session with some remedies; None where it has what they change already, or its method reads none of it.
+    """A session with some remedies; None where they change nothing of it.
+
+    Raises:
+        SettingsError: two of them change the same setting.
+    """
+    changes: dict[str, dict[str, Any]] = {}
+    for name, value in changes_of(session, remedies).items():
+        section, _, field = name.partition(".")
+        changes.setdefault(section, {})[field] = value
+    return changed(session, changes, (*AT_ITS_START, *WITH_ITS_DATA, "scene")) if changes else None
+
+
+def changes_of(session: Session, remedies: Sequence[Remedy]) -> dict[str, SettingValue]:
+    """What some remedies change of a session, by dotted name; nothing where it has that already, or its method reads
+    none of it.
 
     Raises:
         SettingsError: two of them change the same setting.
@@ -178,13 +193,10 @@ def remedied(session: Session, remedies: Sequence[Remedy]) -> Session | None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise SettingsError(f"two remedies change {twice}; take one of them")
-    changes: dict[str, dict[str, Any]] = {}
+    changes: dict[str, SettingValue] = {}
     for remedy in remedies:
-        if is_read(remedy, session):
-            for name, value in remedy.changes(session).items():
-                section, _, field = name.partition(".")
-                changes.setdefault(section, {})[field] = value
-    return changed(session, changes, (*AT_ITS_START, *WITH_ITS_DATA, "scene")) if changes else None
+        changes |= remedy.changes(session) if is_read(remedy, session) else {}
+    return changes
 
 
 def jobs_of(trials: Sequence[Trial]) -> Iterator[BatchJob]:
@@ -207,5 +219,10 @@ def check_trials(trials: Sequence[Trial], runs: Mapping[str, BatchIndex]) -> Non
         raise InputError(
             f"of {len(bad)} wrong answers no cause is known, so no remedy; run the batch without --no-diagnose, or try "
             "every remedy with --all"
+        )
+    names = ", ".join(dict.fromkeys(remedy.name for one in bad for remedy in one.remedies))
+    if names:
+        raise InputError(
+            f"{len(bad)} wrong answers ask for {names}, which changes nothing here; try every remedy with --all"
         )
     raise InputError(f"no setting mends the causes of {len(bad)} wrong answers; docs/causes.md says what to look at")

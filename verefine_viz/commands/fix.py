@@ -31,6 +31,8 @@ class FixCommand:
     """Folder for fix.csv and a batch for each remedy; none = RUN_DIR/fix."""
     seed: int = 0
     """Of the sample of right answers: at least as many as a remedy is tried on, where there are so many."""
+    retry_failed: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Try frames again that failed with a remedy; without it they stay as they are, and their answers are missing."""
     workers: int = max(os.cpu_count() or 1, 1)
     """Worker processes, no more than 4 per core; the answers are the same for any number."""
     worker_memory_gb: float | None = None
@@ -58,4 +60,4 @@ class FixCommand:
         request = FixRequest(
             folder=batch_of(self.folder), out=self.out, seed=self.seed, every=self.every, together=self.take
         )
-        return run_fix(request, Backend(self.workers, limit), self.write)
+        return run_fix(request, Backend(self.workers, limit), self.write, self.retry_failed)

@@ -1,4 +1,4 @@
-"""Writes sessions to the folder of sessions and exports to ``runs/exports`` in it; a shared page is for the browser."""
+"""Writes sessions to the folder of sessions, exports to ``runs/exports`` in it; hands page and film to the browser."""
 
 from __future__ import annotations
 
@@ -32,7 +32,17 @@ from verefine_viz.run.session_file import load_session, save_session
 from verefine_viz.run.session_parts import weights_of
 
 _NAME = re.compile(r"[\w][\w .-]{0,79}")
-ENDINGS = {"recording": ".rrd", "results": ".csv", "maps": "_maps.png", "film": "_film.png", "verbs": "_verbs.jsonl"}
+ENDINGS = {
+    "recording": (".rrd", SUFFIX),
+    "share": (".html",),
+    "results": (".csv",),
+    "maps": ("_maps.png",),
+    "film": ("_film.png", "_film.gif"),
+    "verbs": ("_verbs.jsonl",),
+}
+"""Of files, by what is written; the first where none is named."""
+FOR_THE_BROWSER = ("share", "film")
+"""What it downloads, and what stays nowhere else."""
 
 
 class Exporter:
@@ -52,8 +62,8 @@ class Exporter:
     ) -> None:
         self._folder, self._progress, self._scene_page = folder, progress, scene_page
         self._written: dict[str, Path] = {}
-        self._shared: TemporaryDirectory[str] | None = None
-        """Folder of the page that was shared last, which the browser downloads."""
+        self._handed: TemporaryDirectory[str] | None = None
+        """Folder of the page or film that was handed over last, which the browser downloads."""
 
     def __call__(self, d: PageState, verb: Save) -> WrittenMessage:
         """Write a file and return message ``written``.
@@ -65,19 +75,19 @@ class Exporter:
         note = ""
         if verb.what == "session":
             path, note = self._session(d.space, verb)
-        elif verb.what == "share":
-            path = self._share(d, verb)
+        elif verb.what in FOR_THE_BROWSER:
+            path = self._hand_over(d, verb)
         else:
             path = self._export(d, verb)
         path = path.resolve()
         self._written[path.name] = path
-        stays = str(path) if verb.what != "share" else None
+        stays = str(path) if verb.what not in FOR_THE_BROWSER else None
         return WrittenMessage(path.name, stays, f"/file/{path.name}", note)
 
     def close(self) -> None:
         """Remove what was only there to be downloaded."""
-        if self._shared is not None:
-            self._shared.cleanup()
+        if self._handed is not None:
+            self._handed.cleanup()
 
     def file(self, name: str) -> Path | None:
         """Return the file of a name that was written last. Callable from any thread."""
@@ -94,29 +104,26 @@ class Exporter:
         space.files[path.resolve()] = Saved(session, branch)
         return path, note
 
-    def _share(self, d: PageState, verb: Save) -> Path:
-        """Write the page as a file that lies there until another one is shared, or the program ends."""
+    def _hand_over(self, d: PageState, verb: Save) -> Path:
+        """Write the page or a film as a file that lies there until another one is written, or the program ends."""
         self.close()
-        self._shared = TemporaryDirectory(prefix="verefine-viz-")
-        name = checked_name(verb.name.removesuffix(".html")) if verb.name else stem_of(d.space.branch(verb.branch))
-        path = Path(self._shared.name) / f"{name}.html"
-        write_shared(shared(d, view_command(d.space), progress=self._progress), self._scene_page(), path)
+        self._handed = TemporaryDirectory(prefix="verefine-viz-")
+        branch = d.space.branch(verb.branch)
+        path = Path(self._handed.name) / file_name(verb, branch)
+        if verb.what == "film":
+            write_film(d, path, branch, verb.obj)
+        else:
+            write_shared(shared(d, view_command(d.space), progress=self._progress), self._scene_page(), path)
         return path
 
     def _export(self, d: PageState, verb: Save) -> Path:
         branch = d.space.work.first if verb.what == "verbs" else d.space.branch(verb.branch)
-        others = {"recording": SUFFIX, "film": "_film.gif"}
-        other = others.get(verb.what)
-        ending = other if other is not None and verb.name.endswith(other) else ENDINGS[verb.what]
-        name = checked_name(verb.name.removesuffix(ending)) if verb.name.removesuffix(ending) else stem_of(branch)
-        path = free(self._folder / "runs" / "exports" / f"{name}{ending}")
+        path = free(self._folder / "runs" / "exports" / file_name(verb, branch))
         path.parent.mkdir(parents=True, exist_ok=True)
         if verb.what == "recording":
             self._record(d.space, branch, path)
         elif verb.what == "results":
             write_answers(branch, path)
-        elif verb.what == "film":
-            write_film(d, path, branch, verb.obj)
         elif verb.what == "maps":
             with atomic(path) as part:
                 Image.fromarray(maps_sheet(branch, verb)).save(part, format="PNG")
@@ -244,6 +251,18 @@ def checked_name(name: str) -> str:
     if not _NAME.fullmatch(name.strip()) or ".." in name:
         raise InputError(f"{name!r} is no name of a file; use letters, digits, blanks, dots, - and _")
     return name.strip().removesuffix(".toml")
+
+
+def file_name(verb: Save, branch: Branch) -> str:
+    """Name the file that a verb asks for.
+
+    Raises:
+        InputError: its name is no name of a file.
+    """
+    endings = ENDINGS[verb.what]
+    ending = next((one for one in endings if verb.name.endswith(one)), endings[0])
+    stem = verb.name.removesuffix(ending)
+    return f"{checked_name(stem) if stem else stem_of(branch)}{ending}"
 
 
 def stem_of(branch: Branch) -> str:

@@ -39,8 +39,10 @@ def _open(d: PageState, verb: Open, window: int | None) -> None:
         entry = open_gallery(d.gallery).answer(verb.answer)
         _open_answer(d, entry)
         if verb.beside:
-            d.put_beside(d.space.work.first, d.space.recorded(expand_home(verb.beside)))
-        d.show(entry.iteration, entry.row.instance_id, window)
+            path = expand_home(verb.beside)
+            known = next((branch for branch in space.branches.values() if branch.recording == path), None)
+            d.put_beside(space.work.first, known or space.recorded(path))
+        d.show(None if verb.beside else entry.iteration, entry.row.instance_id, window)
         return
     if verb.link:
         _open_link(d, read_link(verb.link), window)

@@ -205,7 +205,7 @@ class Open(Verb):
     link: Text = ""
     answer: Index | None = None
     beside: Text = ""
-    """Of an answer: a recorded run of its frame, to be put beside it as B."""
+    """Of an answer: a recorded run of its frame, to be put beside it as B, both at their ends."""
     label: bool = False
     """The frames of the open session, to be labelled."""
     hulls: bool = False

@@ -137,14 +137,14 @@ def session_toml(session: Session) -> str:
     return tomli_w.dumps(_without_none(msgspec.to_builtins(session)))
 
 
-def save_session(session: Session, path: Path) -> None:
-    """Writes :func:`session_toml` to ``path``, whole or not at all.
+def save_session(session: Session, path: Path, head: str = "") -> None:
+    """Writes :func:`session_toml` to ``path``, whole or not at all, below the comments of ``head``.
 
     Raises:
         InputError: the file cannot be written.
     """
     with atomic(path) as part:
-        part.write_text(session_toml(session), encoding="utf-8")
+        part.write_text(head + session_toml(session), encoding="utf-8")
 
 
 def parsed_toml(text: str) -> dict[str, Any]:

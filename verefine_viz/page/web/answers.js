@@ -103,10 +103,14 @@ export function neighbour(s, by) {
   return rows[at < 0 ? (by > 0 ? 0 : rows.length - 1) : at + by] ?? null;
 }
 
-/** @param {GalleryRow | null | undefined} row */
+/**
+ * Opens an answer.
+ * @param {GalleryRow | null | undefined} row
+ * @param {string} [beside]  a recorded run of its frame, both then side by side at their ends
+ */
 export function openAnswer(row, beside = "") {
   if (!row?.opens || !send({ verb: "open", answer: row.key, beside })) return;
-  choose({ at: row.key, leaving: { frame: state.frame?.id } });
+  choose({ at: row.key, leaving: { frame: state.frame?.id, to: beside ? "compare" : "inspect" } });
 }
 
 listen(() => {
@@ -116,8 +120,9 @@ listen(() => {
     if (!state.link.given && !state.report) setPreset("gallery");
   }
   if (gallery.leaving && state.frame?.id !== gallery.leaving.frame) {
+    const { to } = gallery.leaving;
     choose({ leaving: null });
-    if (["gallery", "report"].includes(state.view.preset)) setPreset("inspect");
+    if (["gallery", "report"].includes(state.view.preset)) setPreset(to);
   }
 });
 

@@ -36,13 +36,13 @@ const unpacked = (/** @type {string} */ color) => color.match(/\w\w/g).map((x) =
 const classTable = () => new Uint32Array([0, ...palette.classes.map((c) => packed(unpacked(c.color)))]);
 
 // The anchors of a map's scale, low first.
-/** @type {(map: ScoreMap) => number[][]} */
+/** @type {(map: Pick<ScoreMap, "colours" | "reversed">) => number[][]} */
 export const anchorsOf = (map) => (map.reversed ? [...palette.scales[map.colours]].reverse() : palette.scales[map.colours]);
 
 // 256 packed colours of a map, evenly between the anchors of its scale.
 const tables = new Map(); // map → colours
-/** @type {(map: ScoreMap) => Uint32Array} */
-function tableOf(map) {
+/** @type {(map: Pick<ScoreMap, "colours" | "reversed">) => Uint32Array} */
+export function tableOf(map) {
   if (!tables.has(map)) {
     const anchors = anchorsOf(map);
     tables.set(map, Uint32Array.from({ length: 256 }, (_, i) => {

@@ -48,8 +48,8 @@ export function Film() {
     <div class="fold">
       <${IconButton} icon=${folded ? "down" : "up"} title=${folded ? "How the answer came about, in pictures" : "Fold the film away"}
         onClick=${() => remember({ filmFolded: !folded })} />${folded && "Film"}
-      ${!folded && !state.file && html`<${Button} title="Save the film as one picture" onClick=${() => save(judged.obj)}>PNG<//>
-        <${Button} title="Save the film as an animation" onClick=${() => save(judged.obj, "_film.gif")}>GIF<//>`}
+      ${!folded && !state.file && html`<${Button} title="Download the film as one picture" onClick=${() => save(judged.obj)}>PNG<//>
+        <${Button} title="Download the film as an animation" onClick=${() => save(judged.obj, "_film.gif")}>GIF<//>`}
     </div>
     ${!folded && html`<div class="moments">${film.map((one, i) => html`<button type="button" key=${i}
       class=${`moment ${i === current ? "current" : ""}`} title=${`${one.title}: ${one.caption}`}

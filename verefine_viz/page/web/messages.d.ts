@@ -858,7 +858,7 @@ export interface Open {
   batch?: string;
   link?: string;
   answer?: number | null;
-  /** Of an answer: a recorded run of its frame, to be put beside it as B. */
+  /** Of an answer: a recorded run of its frame, to be put beside it as B, both at their ends. */
   beside?: string;
   /** The frames of the open session, to be labelled. */
   label?: boolean;

@@ -81,7 +81,7 @@ on("error", ({ text, offer }) => {
   toast("error", text, { offer });
 });
 on("written", (file) => {
-  if (file.name.endsWith(".html")) Object.assign(document.createElement("a"), { href: file.url, download: file.name }).click();
+  if (!file.path) Object.assign(document.createElement("a"), { href: file.url, download: file.name }).click();
   update({ written: [...state.written.filter((f) => f.url !== file.url), file] });
   const words = file.path ? `Written: ${file.path}` : `${file.name} is downloaded.`;
   toast("note", words, { url: file.url, name: file.name });

@@ -7,6 +7,12 @@ import { Button, columnsOf, number, Table } from "./ui.js";
 /** @import { FixedAnswer, FixLine, FixShown } from "./messages.d.ts" */
 
 const signed = (/** @type {number} */ x, digits = 1) => `${x > 0 ? "+" : ""}${number(x, digits)}`;
+const partsOf = (/** @type {string} */ remedy) => remedy.split(" + ");
+/** @type {(remedy: string, chosen: string[]) => boolean} */
+const isChosen = (remedy, chosen) => {
+  const parts = partsOf(remedy);
+  return parts.every((one) => chosen.includes(one)) && (parts.length === 1 || parts.length === chosen.length);
+};
 const verbs = (/** @type {FixLine} */ row) => (row.fit ? ["fit better", "fit worse"] : ["came right", "broke"]);
 
 /** @param {Partial<import("./store.js").State["remedies"]>} patch */
@@ -44,13 +50,13 @@ export function Remedies() {
 function Write({ shown, several }) {
   const { chosen, file } = useStore((s) => s.remedies);
   const name = chosen.join(" + ");
-  const tried = shown.rows.some((row) => row.remedy === name);
+  const tried = shown.rows.find(({ remedy }) => partsOf(remedy).length === chosen.length && isChosen(remedy, chosen));
   if (!chosen.length) return html`<span class="dim">Choose remedies to write their session</span>`;
   if (!tried) return html`<${Button} engine kind="primary" title=${`Try ${name}`} onClick=${() => send({ verb: "fix", take: chosen })}>Try together<//>`;
   return html`<input value=${file} spellcheck=${false} title=${several ? "One file for each run: its name is added" : "File"}
       onInput=${(e) => choose({ file: e.currentTarget.value })} />
     <${Button} engine kind="primary" title=${`The session with ${name}`} disabled=${!file.trim()}
-      onClick=${() => send({ verb: "fix", take: chosen, write: file.trim() })}>Write session<//>`;
+      onClick=${() => send({ verb: "fix", take: partsOf(tried.remedy), write: file.trim() })}>Write session<//>`;
 }
 
 /**
@@ -60,12 +66,15 @@ function Write({ shown, several }) {
 export function RemedyTable({ shown, chooses }) {
   const { row: at, chosen } = useStore((s) => s.remedies);
   const row = at == null ? undefined : shown.rows[at];
-  const toggle = (/** @type {string} */ remedy) => choose({
-    chosen: chosen.includes(remedy) ? chosen.filter((one) => one !== remedy) : [...chosen, remedy],
-  });
+  // The row of several stands for all of them, and for no other.
+  const toggle = (/** @type {string} */ remedy) => {
+    const parts = partsOf(remedy);
+    const others = chosen.filter((one) => !parts.includes(one));
+    choose({ chosen: isChosen(remedy, chosen) ? others : parts.length > 1 ? parts : [...others, remedy] });
+  };
   const columns = columnsOf(shown.rows, [
-    { title: "remedy", left: true, of: (r) => (chooses && !r.remedy.includes(" + ") ? html`<label class="toggle" title="Write this one"
-      onClick=${(e) => e.stopPropagation()}><input type="checkbox" checked=${chosen.includes(r.remedy)}
+    { title: "remedy", left: true, of: (r) => (chooses ? html`<label class="toggle" title="Write this one"
+      onClick=${(e) => e.stopPropagation()}><input type="checkbox" checked=${isChosen(r.remedy, chosen)}
       onChange=${() => toggle(r.remedy)} />${r.remedy}</label>` : r.remedy) },
     { title: "cause", left: true, of: (r) => r.cause },
     { title: "mended", hint: "came right; without ground truth, fit better", of: (r) => html`<b class=${r.came_right ? "good" : ""}>${r.came_right}</b> of ${r.tried} ${

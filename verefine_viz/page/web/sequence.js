@@ -9,7 +9,8 @@ import { presets, setPreset } from "./layout.js";
 import { limits, palette } from "./palette.js";
 import { Button, counted, number, Select, Swatch, Table } from "./ui.js";
 import { useLatest } from "./tabs/latest.js";
-import { curvesOf, draw, gradientOf, placeOf, xOf } from "./sequence_drawing.js";
+import { anchorsOf, gradient } from "./colours.js";
+import { curvesOf, draw, placeOf, SCALE, xOf } from "./sequence_drawing.js";
 import { firstOf, lanesOf, MARKS, moved, NO_POSE, NOT_SOLVED, statistics, within, zoomed } from "./sequence_data.js";
 
 /** @import { AnswersMessage, SequenceAnswer } from "./messages.d.ts" */
@@ -97,7 +98,7 @@ function Controls({ lanes, measure, small }) {
     ${!small && answer.scenes.length > 1 && html`<${Select} label="Scene" value=${String(answer.scene)} options=${answer.scenes.map(String)}
       onChange=${(scene) => look({ scene: Number(scene), lane: 0, brush: null, from: 0, to: Infinity })} />`}
     <${Select} label="Colour" value=${measure.id} options=${lanes.measures.map((m) => [m.id, m.title])} onChange=${(by) => look({ by })} />
-    <span class="scale"><span>0</span><i style=${{ background: gradientOf(measure) }} /><span>${+measure.top.toPrecision(2)} ${measure.unit}</span></span>
+    <span class="scale"><span>0</span><i style=${{ background: gradient(anchorsOf(SCALE)) }} /><span>${+measure.top.toPrecision(2)} ${measure.unit}</span></span>
     ${kinds.map(([color, , words]) => html`<span class="dim"><${Swatch} color=${`var(${color})`} />${words}</span>`)}
     <span class="spring" />
     <span class="dim">${counted(lanes.n, "frame")}</span>

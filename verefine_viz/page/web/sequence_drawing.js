@@ -1,4 +1,5 @@
 // Draws a sequence on a canvas by columns: an axis of frames, a lane per object, marks on it, curves of one object.
+import { tableOf } from "./colours.js";
 import { palette, limits } from "./palette.js";
 import { MARKS, NOT_SOLVED, NO_POSE, reduce, scoreOf, within } from "./sequence_data.js";
 
@@ -33,26 +34,7 @@ export function curvesOf(lanes) {
   return [of("share"), scoreOf(lanes), of("moved_mm"), of("turned_deg")].filter(Boolean);
 }
 
-/** @type {Map<string, Uint32Array>} */
-const scales = new Map(); // worst → 256 packed colours; the palette does not change
-/** @param {Measure["worst"]} worst */
-function colours(worst) {
-  if (!scales.has(worst)) {
-    const anchors = palette.scales.viridis;
-    const table = new Uint32Array(256);
-    for (let i = 0; i < 256; i++) {
-      const at = ((worst === "max" ? i : 255 - i) / 255) * (anchors.length - 1);
-      const j = Math.min(Math.floor(at), anchors.length - 2);
-      const [r, g, b] = anchors[j].map((c, k) => Math.round(c + (anchors[j + 1][k] - c) * (at - j)));
-      table[i] = 0xff000000 | (b << 16) | (g << 8) | r;
-    }
-    scales.set(worst, table);
-  }
-  return scales.get(worst);
-}
-/** @param {Measure} measure */
-export const gradientOf = ({ worst }) => `linear-gradient(to right, ${(worst === "max" ? palette.scales.viridis : [...palette.scales.viridis].reverse())
-  .map((c) => `rgb(${c.join()})`).join()})`;
+export const SCALE = { colours: "viridis" }; // of all measures: more is brighter
 
 /** @param {CanvasRenderingContext2D} ctx */
 function packedColor(ctx, css) {
@@ -89,7 +71,7 @@ function rasterOf(canvas, ctx, w, h) {
  * @param {Lanes} lanes
  */
 function drawLane({ out, low, high, image: { width: w } }, lanes, measure, span, lane, y, h, states) {
-  const table = colours(measure.worst);
+  const table = tableOf(SCALE);
   const scale = (255 * measure.factor) / measure.top;
   const row = out.subarray(y * w, (y + 1) * w);
   reduce(lanes.states[lane], span, low, high);

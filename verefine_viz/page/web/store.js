@@ -100,7 +100,8 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @property {Set<number>} selected  keys of answers
  * @property {number | null} at  the answer that keys move from
  * @property {boolean} tagging  whether a tag is typed
- * @property {{ frame: number | undefined } | null} leaving  the frame that was open when an answer was asked for
+ * @property {{ frame: number | undefined, to: string } | null} leaving  the frame that was open when an answer was asked
+ *   for, and the preset that it is shown in
  */
 
 /**
