@@ -45,6 +45,9 @@ class SlowHandler:
 
     def tick(self) -> None: ...
 
+    def use_hulls(self, branch: int | None = None) -> None:
+        self.done.append(("hulls", branch))
+
     def pause(self) -> None: ...
 
     def later(self) -> bool:
