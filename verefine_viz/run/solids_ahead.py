@@ -32,6 +32,7 @@ class SolidsAhead:
         self._ended = threading.Event()
         self._token = ProgressToken(is_wanted=lambda: not self._ended.is_set())
         self._threads = ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)) - 1), "verefine-solids")
+        self._asked: dict[str, ObjectModel] = {}
         self._begun: set[str] = set()
         self._faults: dict[str, ShapeError] = {}
 
@@ -41,7 +42,7 @@ class SolidsAhead:
         return settings.collider == "decomposition" and not settings.collider_folder
 
     def solid_of(self, model: ObjectModel, progress: ProgressToken) -> Collider | None:
-        """The parts of a model; None = they are being made.
+        """The parts of a model; None = they are made once :meth:`begin` is called.
 
         Raises:
             ShapeError: it has no volume, or CoACD failed on it before.
@@ -53,10 +54,14 @@ class SolidsAhead:
         if model.mesh_hash in self._faults:
             raise self._faults[model.mesh_hash]
         collider(model, "hull", progress=progress)  # What has no volume is known at once.
-        if model.mesh_hash not in self._begun:
-            self._begun.add(model.mesh_hash)
-            self._threads.submit(self._make, model)
+        self._asked[model.mesh_hash] = model
         return None
+
+    def begin(self) -> None:
+        """Begin to make what was asked for and is not there: after what the frame is drawn and scored by."""
+        for mesh_hash in self._asked.keys() - self._begun:
+            self._begun.add(mesh_hash)
+            self._threads.submit(self._make, self._asked[mesh_hash])
 
     def stop(self) -> None:
         """End what is being made; nothing of it is left behind."""

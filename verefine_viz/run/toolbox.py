@@ -306,6 +306,8 @@ class Toolbox:
             has_flips = self.flips is not None and self.session.score.colour_weight > 0
             turns = [partial(_near_symmetries, model) for model in models if has_flips and model.has_colors]
             prepared = side_by_side([*solids, *meshes, *turns], self._progress)
+            if ahead is not None:
+                ahead.begin()
             for model, solid in zip(models, prepared, strict=False):
                 if isinstance(solid, ShapeError):
                     broken[model.obj_id] = str(solid)
