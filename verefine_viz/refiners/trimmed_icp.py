@@ -59,7 +59,7 @@ def trimmed_loop(
                 match[i], squared[i] = nearest_from_afar(moved[i, 0], moved[i, 1], moved[i, 2], leaves)
         energy = _use_best(squared, n_used, used)
         # From where the points were at first, not from where the last pass left them: errors do not add up.
-        R, t = point_step(source, index.points, match, used, n_used)
+        R, t = point_step(source, index.points, match, used)
         if not energy < energy_ratio * previous:
             return R, t, k + 1, energy
         previous = energy
