@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -49,6 +51,20 @@ def test_run_from_the_page_equals_a_headless_one(debugger: Debugger, posted: Pos
         assert row["stages"][-1]["T"] == iteration.stages[-1].T_cam_obj.ravel().tolist()
         assert [s["score"] for s in row["stages"]] == [s.score and s.score.score for s in iteration.stages]
     assert posted.of("verdict")[-1]["objects"][0]["score"] == run.final_state.best[0].score.score
+
+
+def test_frames_whose_solids_turn_out_otherwise_begin_again(debugger: Debugger, posted: Posted):
+    debugger.carry_out([p.Step(), p.Open(frame="0/2"), p.Step(1)])
+    box = next(iter(debugger.space.problem.models.values()))
+    posted.clear()
+    debugger.begin_again(box)
+    assert [message["frame"] for message in posted.of("frame")] == ["0/2"]
+    assert debugger.space.work.first.run.length == 0
+    debugger.carry_out([p.Open(frame="0/1")])
+    assert debugger.space.work.first.run.length == 0
+    posted.clear()
+    debugger.begin_again(replace(box, name="another", vertices=2 * box.vertices))
+    assert not posted
 
 
 def test_restart_that_discards_branches_asks_first(debugger: Debugger):

@@ -39,11 +39,17 @@ class SlowHandler:
                 self.progress.checkpoint(OPENING)
         if isinstance(verb, p.Restart):
             raise InputError("no restart here")
+        while isinstance(verb, p.Step) and verb.branch == 2:
+            self.progress.checkpoint(OPENING)
+            time.sleep(0.01)
         if isinstance(verb, p.Step):
             raise ZeroDivisionError("boom")
         self.done.append(verb)
 
     def tick(self) -> None: ...
+
+    def use_hulls(self, branch: int | None = None) -> None:
+        self.done.append(("hulls", branch))
 
     def pause(self) -> None: ...
 
@@ -119,6 +125,15 @@ def test_opening_begins_again_with_hulls_once_they_are_asked_for(work):
     jobs.put(Job(1, p.Open(hulls=True)))
     jobs.wait_until_idle(10)
     assert len(handler.done) == 1, "nothing is being opened"
+
+
+def test_a_step_that_waits_for_convex_parts_begins_again_with_hulls_once_they_are_asked_for(work):
+    jobs, messages, handler = work
+    jobs.put(Job(1, p.Step(branch=2)))
+    _until(lambda: any(message.get("hulls") for _, message in messages))
+    jobs.put(Job(1, p.Open(hulls=True)))
+    jobs.wait_until_idle(10)
+    assert handler.done == [("hulls", 2)]
 
 
 def test_of_the_wants_of_a_slot_the_latest_wins_for_each_window(work):

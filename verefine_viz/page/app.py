@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.errors import Cancelled, SettingsError, one_line, unknown
 from verefine_viz.core.files import first_line
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import say
@@ -50,6 +51,7 @@ from verefine_viz.run.session_parts import check_source
 
 if TYPE_CHECKING:
     from verefine_viz.batch.watch import Watch
+    from verefine_viz.run.solids_ahead import SolidsAhead
     from verefine_viz.run.toolbox import Toolbox
 
 POLL_S = 1.0
@@ -97,6 +99,7 @@ class App:
         self._frame_pictures = Thumbnails(FramePainter())
         self._model_pictures = Thumbnails(ModelPainter())
         self._watching: threading.Thread | None = None
+        self._ahead: SolidsAhead | None = None
         self.server = PageServer(
             host,
             port,
@@ -156,6 +159,8 @@ class App:
     def stop(self) -> None:
         """End the worker, what it does too where that can be cancelled, and free the port."""
         self.jobs.stop()
+        if self._ahead is not None:
+            self._ahead.stop()
         if self._watch is not None:
             self._watch.stop()
         for thread in (self.worker.thread, self._watching):
@@ -185,6 +190,10 @@ class App:
         else:
             u, v = given
             self.server.post(PickedMessage(u, v), window)
+
+    def _solid_is_other(self, model: ObjectModel) -> None:
+        """Have the frames begin again that show a model whose solid is other than asked for. Called on any thread."""
+        self.jobs.put(Job(0, lambda: self.debugger.begin_again(model)))
 
     def _draw(self, debugger: Debugger) -> None:
         """Draw what the window used last looks at."""
@@ -236,8 +245,11 @@ class App:
             progress.checkpoint("Loading the simulator, the renderer and the refiner.")
             from verefine_viz.physics.plausibility import plausibility
             from verefine_viz.physics.proximity import Surfaces, overlap
+            from verefine_viz.run.solids_ahead import SolidsAhead
             from verefine_viz.run.toolbox import Toolbox
             from verefine_viz.scenes.demo import demo_names
+
+            self._ahead = SolidsAhead(self._solid_is_other)
 
             surfaces = Surfaces()
             make_tools = partial(Toolbox, progress=progress)
@@ -290,13 +302,14 @@ class App:
         self, session: Session, path: Path | None, make_tools: Callable[[Session], Toolbox], *given: Any, **named: Any
     ) -> Workspace:
         """Open a workspace; it begins again with hulls once those are asked for."""
+        opened = partial(Workspace, session, path, ahead=self._ahead, **named)
         try:
             with self.jobs.offering_hulls():
-                return Workspace(session, path, make_tools, *given, **named)
+                return opened(make_tools, *given)
         except Cancelled:
             if not self.jobs.wants_hulls:
                 raise
-        space = Workspace(session, path, lambda one: make_tools(changed(one, HULLS)), *given, **named)
+        space = opened(lambda one: make_tools(changed(one, HULLS)), *given)
         space.make_tools = make_tools
         return space
 

@@ -53,7 +53,7 @@ class BusyMessage(Message, frozen=True):
     cancel: bool = False
     """Whether it can be given up."""
     hulls: bool = False
-    """Whether `open` with `hulls` alone begins what is being opened again with hulls."""
+    """Whether `open` with `hulls` alone begins what is being opened, or the run that waits, again with hulls."""
     picture: str | None = None
     """Blob of the photo of what is being opened."""
 

@@ -13,6 +13,7 @@ from verefine_viz.batch.fix_command import FixRequest
 from verefine_viz.batch.fix_files import fix_folder, read_fix
 from verefine_viz.batch.fix_thread import FixState, FixThread
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.methods.known_methods import method_of
@@ -262,6 +263,14 @@ class PageState:
         """Send how far remedies are tried. Callable from any thread."""
         if self.gallery is not None and self.gallery.folder is not None:
             self.post(fix_message(self.gallery, state, fix_folder(self.gallery.folder)), window)
+
+    def begin_again(self, model: ObjectModel) -> None:
+        """Begin the open frame again where it shows a model whose solid is not as it was asked for."""
+        if self.space.begin_again(model):
+            self.goals = {}
+            self.send_frame()
+            self.announce_running()
+            self.say(f"The frame begins again: {model.name} has other convex parts than were asked for; see its notes.")
 
     def step(self, branch: Branch) -> None:
         """Compute one iteration at the end of a branch."""

@@ -64,6 +64,15 @@ class Debugger(PageState):
         if not isinstance(verb, (p.Look, p.Want)):
             self.announce_running()
 
+    def use_hulls(self, branch: int | None = None) -> None:
+        """Begin a run again with hulls in place of the convex parts that it waits for; None = the one computed.
+
+        Raises:
+            UnconfirmedError: that discards other branches.
+        """
+        index = next(iter(self.goals)) if branch is None else branch
+        self.apply(None, p.Restart(index, {"physics.collider": "hull"}, run=self.is_running))
+
     def carry_out(self, verbs: Iterable[AnyVerb]) -> Debugger:
         """Carry out verbs one after another, each to its end."""
         for verb in verbs:

@@ -8,6 +8,7 @@ import traceback
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from time import monotonic
 from typing import NamedTuple, Protocol
 
@@ -17,7 +18,7 @@ from verefine_viz.core.errors import Cancelled, InputError, VerefineError
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.page.answers_to_wants import AnswerMessage, GoneAnswer
 from verefine_viz.page.messages import AnyMessage, BusyMessage, ErrorMessage, NoteMessage, OfferedVerb
-from verefine_viz.page.protocol import AnyVerb, Cancel, Look, Open, UnconfirmedError, Want
+from verefine_viz.page.protocol import AnyVerb, Cancel, Look, Open, Step, UnconfirmedError, Want
 from verefine_viz.physics.decomposition import PARTS_OF
 from verefine_viz.run.kernel_compilation import COMPILING, compiling_reported
 
@@ -27,7 +28,7 @@ BETWEEN_S = 0.1
 
 
 USE_HULLS = Open(hulls=True)
-"""Open what is being opened with hulls: no waiting until models are decomposed."""
+"""Open what is being opened, or begin the run that waits, with hulls: no waiting until models are decomposed."""
 
 
 class Job(NamedTuple):
@@ -174,6 +175,10 @@ class Handler(Protocol):
         """Compute one iteration."""
         ...
 
+    def use_hulls(self, branch: int | None = None) -> None:
+        """Begin a run again with hulls in place of the convex parts that it waits for; None = the one computed."""
+        ...
+
     def pause(self) -> None:
         """Stop computing."""
         ...
@@ -247,7 +252,7 @@ class Worker:
                     self._do(job)
                     has_more = True
                 if self.handler.is_running:
-                    self._guarded(None, self.handler.tick)
+                    self._guarded(None, partial(self._or_with_hulls, self.handler.tick, self.handler.use_hulls))
                 elif job is None and has_more:
                     has_more = self._later()
 
@@ -261,17 +266,25 @@ class Worker:
             self._guarded(window, lambda: self._apply(window, verb), verb)
 
     def _apply(self, window: int, verb: AnyVerb) -> None:
-        """Carry out a verb; what opens something begins again with hulls once those are asked for."""
-        if not isinstance(verb, Open) or verb.hulls:
+        """Carry out a verb; what opens something, or takes a step, begins again with hulls once those are asked for."""
+        if isinstance(verb, Open) and not verb.hulls:
+            with_hulls = partial(self.handler.apply, window, replace(verb, hulls=True))
+        elif isinstance(verb, Step):
+            with_hulls = partial(self.handler.use_hulls, verb.branch)
+        else:
             self.handler.apply(window, verb)
             return
+        self._or_with_hulls(partial(self.handler.apply, window, verb), with_hulls)
+
+    def _or_with_hulls(self, do: Callable[[], None], with_hulls: Callable[[], None]) -> None:
+        """Do something, or else the other where hulls are asked for while it waits for convex parts."""
         try:
             with self._jobs.offering_hulls():
-                self.handler.apply(window, verb)
+                do()
         except Cancelled:
             if not self._jobs.wants_hulls:
                 raise
-            self.handler.apply(window, replace(verb, hulls=True))
+            with_hulls()
 
     def _guarded(self, window: int | None, do: Callable[[], None], verb: AnyVerb | None = None) -> None:
         """Do something; what goes wrong becomes one message and leaves everything as it was."""

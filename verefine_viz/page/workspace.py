@@ -38,7 +38,9 @@ from verefine_viz.scenes.recorded_source import RecordedPose, RecordedSource
 
 if TYPE_CHECKING:
     from verefine_viz.batch.index import BatchIndex
+    from verefine_viz.core.model import ObjectModel
     from verefine_viz.labels.desk import LabelDesk
+    from verefine_viz.run.solids_ahead import SolidsAhead
     from verefine_viz.run.toolbox import Toolbox
 
 HULLS = {"physics": {"collider": "hull"}}
@@ -104,6 +106,7 @@ class Workspace:
         frame: what to open first of it; None = its first.
         records: where frames of it lie that were solved before.
         recording: a recorded run that is opened in place of ``session``.
+        ahead: makes solids of models while a frame is looked at; None = opening a frame waits for them.
     """
 
     def __init__(
@@ -116,8 +119,10 @@ class Workspace:
         frame: str | None = None,
         records: Records = no_records,
         recording: Path | None = None,
+        ahead: SolidsAhead | None = None,
     ) -> None:
         self.make_tools = make_tools
+        self._ahead = ahead
         self.progress = progress
         self._checks = checks or Checks()
         self._numbers = count()
@@ -220,6 +225,25 @@ class Workspace:
         """Open a frame whose labels changed, as those of others may have: runs on them are over."""
         self._works = {frame: self._begin(self.tools, self._read(self.tools, frame))}
         self._switch(frame)
+
+    def begin_again(self, model: ObjectModel) -> bool:
+        """Begin the frames again that show a model, of which no solid could be made, or none as it was asked for.
+
+        Returns:
+            Whether the open frame is one of them.
+        """
+        shown = {
+            frame
+            for frame, work in self._works.items()
+            if work.first.recording is None
+            and any(one.mesh_hash == model.mesh_hash for one in work.first.run.problem.models.values())
+        }
+        is_here = self.frame in shown
+        here = {self.frame: self._begin(self.tools, self._read(self.tools, self.frame))} if is_here else {}
+        self._works = {frame: work for frame, work in self._works.items() if frame not in shown} | here
+        if is_here:
+            self._switch(self.frame)
+        return is_here
 
     def _switch(self, frame: str) -> None:
         self.frame, self.frame_id = frame, next(self._opened)
@@ -429,7 +453,7 @@ class Workspace:
                 return None
             stated = session_of(record.header).tracked
             own = self.make_tools(structs.replace(tools.session, tracked=stated)) if stated else tools
-            branch = self._recorded(path, record, own, self._read(own, frame))
+            branch = self._recorded(path, record, own, own.problem(frame))
         except (InputError, SettingsError):
             return None
         branch.name = "run of the batch"
@@ -449,7 +473,7 @@ class Workspace:
         raise faults[0][1]
 
     def _read(self, tools: Toolbox, frame: str) -> Problem:
-        return tools.problem(frame)
+        return tools.problem(frame) if self._ahead is None else tools.problem(frame, ahead=self._ahead)
 
     def _recorded(self, path: Path, record: RunRecord, tools: Toolbox, problem: Problem) -> Branch:
         run = recorded_run(record, tools, problem)
@@ -461,9 +485,9 @@ class Workspace:
         )  # fmt: skip
 
     def _new(self, name: str, tools: Toolbox, problem: Problem, data: DataCheck) -> Branch:
-        self.progress.checkpoint(_preparing(problem, tools.session))
+        self.progress.checkpoint(_preparing(problem, tools.session, self._ahead is None))
         start = with_its_tracked(tools.session, problem)
-        run = tools.run(problem)
+        run = tools.run(problem) if self._ahead is None else tools.run(problem, is_prepared=True)
         return Branch(
             next(self._numbers), name, run, tools, data, start, tools.session.changes, self._evaluators(tools)
         )
@@ -516,9 +540,9 @@ def _place_of(session: Session, frame: str) -> str:
     return f"frame {frame} of {of_kind.get(scene.source, name)}"
 
 
-def _preparing(problem: Problem, session: Session) -> str:
+def _preparing(problem: Problem, session: Session, has_parts: bool) -> str:
     shown = first_of(sorted({problem.models[i.obj_id].name for i in problem.instances}), 4)
-    parts = "convex parts for physics and " if session.physics.enabled else ""
+    parts = "convex parts for physics and " if session.physics.enabled and has_parts else ""
     return f"Preparing: {parts}meshes to score of {shown}. Up to half a minute for a new model, else a second."
 
 

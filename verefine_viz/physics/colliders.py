@@ -20,7 +20,7 @@ import trimesh
 from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
-from verefine_viz.core.array_cache import Arrays, cached
+from verefine_viz.core.array_cache import Arrays, cached, read
 from verefine_viz.core.arrays import Float, finite, set_fields
 from verefine_viz.core.decimation import decimated
 from verefine_viz.core.errors import ShapeError
@@ -117,10 +117,8 @@ def collider(
         ShapeError: the mesh has no volume (flat, a line, a point), so no solid can be made of it; or CoACD fails on it.
         Cancelled: through ``progress``; nothing is cached.
     """
-    folder = platformdirs.user_cache_path("verefine-viz") / "colliders" if cache is None else cache
-    path = folder / f"{model.mesh_hash}-{kind}-{FORMAT}-{_built_with()}.npz"
     return cached(
-        path,
+        _file(model, kind, cache),
         lambda: build(model, kind, progress),
         _unpacked,
         _packed,
@@ -129,6 +127,17 @@ def collider(
         waiting=f"Waiting for {PARTS_OF} {model.name}, which another process is preparing.",
         is_sound=lambda known: lies_on(known.parts, model),
     )
+
+
+def known_collider(model: ObjectModel, kind: ColliderKind, cache: Path | None = None) -> Collider | None:
+    """The collider of ``model`` out of the cache; None = it is not there. Arguments as in :func:`collider`."""
+    known = read(_file(model, kind, cache), _unpacked)
+    return known if known is not None and lies_on(known.parts, model) else None
+
+
+def _file(model: ObjectModel, kind: ColliderKind, cache: Path | None) -> Path:
+    folder = platformdirs.user_cache_path("verefine-viz") / "colliders" if cache is None else cache
+    return folder / f"{model.mesh_hash}-{kind}-{FORMAT}-{_built_with()}.npz"
 
 
 @lru_cache(maxsize=1)

@@ -75,9 +75,7 @@ def icp_loop(
             return R, t, iteration, n_matches, 0.0
         mse = total / n_matches
         step_R, step_t = (
-            _plane_step(moved, points, normals, match, used)
-            if plane
-            else point_step(moved, points, match, used, n_matches)
+            _plane_step(moved, points, normals, match, used) if plane else point_step(moved, points, match, used)
         )
         R = step_R @ R
         t = step_R @ t + step_t
@@ -166,15 +164,17 @@ def _turned_dot(R: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
 
 @kernel()
 def point_step(
-    moved: np.ndarray, points: np.ndarray, match: np.ndarray, used: np.ndarray, n_matches: int
+    moved: np.ndarray, points: np.ndarray, match: np.ndarray, used: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The rigid step with the least sum of squared distances (Umeyama without scale)."""
     # One pass, about a point near both clouds: what is taken off again afterwards is then no larger than what stays.
     ox, oy, oz = points[match[0], 0], points[match[0], 1], points[match[0], 2]
     ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    n_matches = 0  # Handed over, numba would compile all of this twice: for a number, and for the 0 it starts from.
     for i in range(len(moved)):
         if used[i]:
+            n_matches += 1
             j = match[i]
             px, py, pz = moved[i, 0] - ox, moved[i, 1] - oy, moved[i, 2] - oz
             qx, qy, qz = points[j, 0] - ox, points[j, 1] - oy, points[j, 2] - oz
@@ -231,9 +231,20 @@ def nearest_rotation(H: np.ndarray) -> np.ndarray:
         if change < SETTLED:
             return X
     U, _, Vt = np.linalg.svd(H)
-    if np.linalg.det(U) * np.linalg.det(Vt) < 0.0:
-        U[:, 2] *= -1.0
+    if _determinant(U) * _determinant(Vt) < 0.0:
+        for row in range(3):
+            U[row, 2] *= -1.0
     return U @ Vt
+
+
+@kernel()
+def _determinant(M: np.ndarray) -> float:
+    """The determinant of M (3, 3) by cofactors, which compile in a tenth of the time that LAPACK's takes."""
+    return (
+        M[0, 0] * (M[1, 1] * M[2, 2] - M[1, 2] * M[2, 1])
+        + M[0, 1] * (M[1, 2] * M[2, 0] - M[1, 0] * M[2, 2])
+        + M[0, 2] * (M[1, 0] * M[2, 1] - M[1, 1] * M[2, 0])
+    )
 
 
 @kernel()
@@ -248,7 +259,8 @@ def _plane_step(
             n += 1
             for k in range(3):
                 centre[k] += moved[i, k]
-    centre /= n
+    for k in range(3):
+        centre[k] /= n
     A = np.zeros((6, 6))
     rhs = np.zeros(6)
     row = np.empty(6)

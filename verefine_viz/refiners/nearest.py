@@ -187,7 +187,8 @@ def _fill(points: np.ndarray, low: np.ndarray, side: float, counts: np.ndarray) 
                             n = _unbeaten(points, of_cell, squared, n, side)
                             if used + n > len(pool):
                                 larger = np.empty(2 * (used + n), dtype=np.int32)
-                                larger[:used] = pool[:used]
+                                for k in range(used):  # A slice compiles seconds longer, for words of an error.
+                                    larger[k] = pool[k]
                                 pool = larger
                             cell = (cx * ny + cy) * nz + cz
                             offset[cell], length[cell] = used, n

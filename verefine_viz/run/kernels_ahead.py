@@ -25,6 +25,7 @@ from verefine_viz.core.kernels import cache_folder
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Instance, Target
 from verefine_viz.core.settings import Session
+from verefine_viz.methods.known_methods import method_of
 
 DEPTH_M = 0.5
 
@@ -68,10 +69,15 @@ def _refine(session: Session) -> None:
 
     target, T_cam_obj = tiny_target()
     # ICP first, which draws nothing: what draws is compiled by who shows the frame.
-    last = session.method.refiner
+    last = _refiner_of(session)
     for name in ("icp", last) if last == "depth_net_icp" else (last,):
         chosen = structs.replace(session, method=structs.replace(session.method, refiner=name))
         Toolbox(chosen).refiner.refine(target, T_cam_obj)
+
+
+def _refiner_of(session: Session) -> str:
+    """Return the name of the refiner that a session's method calls: a tree search brings its own."""
+    return "trimmed_icp" if method_of(session.method.name).has_tree else session.method.refiner
 
 
 def _evaluate(session: Session) -> None:
@@ -98,4 +104,4 @@ def _compile(session: Session, parts: list[str]) -> None:
 
 def _marker(session: Session, part: str) -> Path:
     """Return the file that says that a part was compiled for such a session."""
-    return cache_folder() / f"{part}-{session.method.refiner}.compiled"
+    return cache_folder() / f"{part}-{_refiner_of(session)}.compiled"

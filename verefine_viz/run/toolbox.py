@@ -43,6 +43,7 @@ from verefine_viz.run.engine import Run
 from verefine_viz.run.plausible_verifier import Check, PlausibleVerifier
 from verefine_viz.run.session_file import AT_ITS_START, changed
 from verefine_viz.run.session_parts import estimators_of
+from verefine_viz.run.solids_ahead import SolidsAhead
 from verefine_viz.run.start_poses import with_starts
 from verefine_viz.run.track import EarlierPose, Track, answers_of, tracked_poses, with_tracked
 from verefine_viz.scenes.frame_surroundings import AROUND, with_surroundings
@@ -179,12 +180,18 @@ class Toolbox:
         """Notes on the choice of frames and objects."""
         return (*self.source.notes, *edits_elsewhere(self.session.edits, self.frames))
 
-    def problem(self, frame: str, preparing: Callable[[], AbstractContextManager[object]] = nullcontext) -> Problem:
+    def problem(
+        self,
+        frame: str,
+        preparing: Callable[[], AbstractContextManager[object]] = nullcontext,
+        ahead: SolidsAhead | None = None,
+    ) -> Problem:
         """The frame with its instances, their hypotheses, and the order in which they depend on each other.
 
         Args:
             frame: "scene/image".
             preparing: entered while its models are read and prepared; measures the time of it.
+            ahead: makes the solids that are not known yet; None = they are waited for.
 
         Raises:
             VerefineError: the frame cannot be used, or lacks what the session names in it.
@@ -193,7 +200,7 @@ class Toolbox:
         problem = self.source.problem(frame, replace(self._progress, preparing=preparing))
         problem = corrected(problem, self.session.data, self.session.scene)
         with preparing():
-            problem = self._solvable(problem)
+            problem = self._solvable(problem, ahead)
         problem = with_tracked(self._with_estimates(problem), self._tracked(problem))
         problem = with_starts(problem, self.session.starts, not self.session.scene.objects)
         notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
@@ -249,14 +256,14 @@ class Toolbox:
         notes = tuple(note for note in problem.notes if not note.startswith(AROUND))
         return replace(problem, observation=observation, notes=(*notes, *own))
 
-    def _solvable(self, problem: Problem) -> Problem:
+    def _solvable(self, problem: Problem, ahead: SolidsAhead | None) -> Problem:
         """The problem without instances whose mesh makes no solid for the simulator; each is noted and left out. Solids
         that are not as they were asked for are noted.
 
         Raises:
             InputError: none is left.
         """
-        broken, makeshift = self._solids(problem)
+        broken, makeshift = self._solids(problem, ahead)
         if not (broken or makeshift):
             return problem
         instances = tuple(i for i in problem.instances if i.obj_id not in broken)
@@ -283,13 +290,15 @@ class Toolbox:
         is_bullets = is_solved and self.session.physics.simulator == BULLET
         return self.simulator.collider if is_bullets and isinstance(self.simulator, BulletSimulator) else None
 
-    def _solids(self, problem: Problem) -> tuple[dict[int, str], tuple[str, ...]]:
+    def _solids(self, problem: Problem, ahead: SolidsAhead | None) -> tuple[dict[int, str], tuple[str, ...]]:
         """Objects of which no collider can be built, with the reason, and notes on those that are built; building takes
         seconds, once per model. Meshes to score and near-symmetries, which take about as long, are made beside them.
         """
         broken: dict[int, str] = {}
         notes: list[str] = []
-        solid_of = self._solids_for(problem)
+        solid_of: Callable[[ObjectModel, ProgressToken], Collider | None] | None = self._solids_for(problem)
+        if solid_of is not None and ahead is not None and ahead.makes(self.session.physics):
+            solid_of = ahead.solid_of
         if solid_of is not None:
             models = list(problem.models.values())
             solids = [partial(solid_of, model) for model in models]
@@ -297,6 +306,8 @@ class Toolbox:
             has_flips = self.flips is not None and self.session.score.colour_weight > 0
             turns = [partial(_near_symmetries, model) for model in models if has_flips and model.has_colors]
             prepared = side_by_side([*solids, *meshes, *turns], self._progress)
+            if ahead is not None:
+                ahead.begin()
             for model, solid in zip(models, prepared, strict=False):
                 if isinstance(solid, ShapeError):
                     broken[model.obj_id] = str(solid)
@@ -398,9 +409,16 @@ class Toolbox:
             for target in problem.targets:
                 solid_of(target.model, self._progress)
 
-    def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
-        """A run of the session's method on ``problem``, with its frame's edits and the changes of the session."""
-        self.prepare(problem)
+    def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = (), is_prepared: bool = False) -> Run:
+        """A run of the session's method on ``problem``, with its frame's edits and the changes of the session.
+
+        Args:
+            problem: the frame.
+            watchers: see all of it.
+            is_prepared: what is built once per model is there, or a step may wait for it; else it is built first.
+        """
+        if not is_prepared:
+            self.prepare(problem)
         changes = {k: toolbox.method for k, toolbox in self._later}
         edits = edits_of(self.session.edits, problem, is_only_frame=len(self.frames) == 1) if self.session.edits else ()
         return Run(self.method, problem, watchers, edits, changes)

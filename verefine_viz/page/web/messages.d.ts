@@ -681,7 +681,7 @@ export interface BusyMessage {
   share: number | null;
   /** Whether it can be given up. */
   cancel: boolean;
-  /** Whether `open` with `hulls` alone begins what is being opened again with hulls. */
+  /** Whether `open` with `hulls` alone begins what is being opened, or the run that waits, again with hulls. */
   hulls: boolean;
   /** Blob of the photo of what is being opened. */
   picture: string | null;
