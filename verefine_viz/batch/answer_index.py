@@ -25,7 +25,8 @@ class WrittenIndex:
     """The file, which appears when ``open_files`` closes without an error; made before the run files are read."""
 
     def __init__(self, open_files: ExitStack, folder: Path) -> None:
-        self._file = open_files.enter_context(open_files.enter_context(atomic(folder / INDEX)).open("wb"))
+        part = open_files.enter_context(atomic(folder / INDEX))
+        self._file = open_files.enter_context(part.open("wb"))
         self._file.write(state_of(folder / "runs"))
 
     def add(self, record: RunRecord) -> None:

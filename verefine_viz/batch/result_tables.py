@@ -72,7 +72,8 @@ class WrittenTable:
 
     def __init__(self, open_files: ExitStack, path: Path) -> None:
         self._name = path.name
-        self._file = open_files.enter_context(open_files.enter_context(atomic(path)).open("wb"))
+        part = open_files.enter_context(atomic(path))
+        self._file = open_files.enter_context(part.open("wb"))
         self._file.write(beginning_of(self._name).encode())
 
     def add(self, record: RunRecord) -> None:
