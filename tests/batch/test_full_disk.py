@@ -58,7 +58,7 @@ def answered(session: Path, tmp_path_factory: pytest.TempPathFactory, processes:
     ("n_bytes", "refused"),
     [
         (3_300, "runs/000007_000000.vfrun"),
-        (12_000, "results.csv"),
+        (12_000, ".answers"),
     ],
 )
 def test_a_batch_names_the_file_and_goes_on_when_there_is_room(
