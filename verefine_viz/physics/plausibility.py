@@ -38,8 +38,6 @@ ground truth sinks into a plane that is right (docs/measured.md)."""
 DOWN = np.array([0.0, 0.0, -1.0])
 CONE_SIDES = 8
 """Sides of the pyramid inscribed in each friction cone; with 8 it loses at most 8 % of the friction."""
-INFEASIBLE = 2
-"""Status of SciPy's ``linprog`` where no solution exists."""
 MOST_CONTACTS = 60
 """Contacts with neighbours that enter the equilibrium; more change nothing."""
 
@@ -295,8 +293,7 @@ def holds(points: Float, normals: Float, friction: Float, com: Float, gravity_di
     balance = np.concatenate([edges, torques], axis=2).reshape(-1, 6).T
     weight = np.concatenate([-gravity_direction, np.zeros(3)])
     solved = linprog(np.zeros(balance.shape[1]), A_eq=balance, b_eq=weight, bounds=(0, None), method="highs")
-    # Only what the solver proves impossible falls: numerical trouble of its own accuses no pose.
-    return bool(solved.status != INFEASIBLE)
+    return bool(solved.status == 0)
 
 
 def _cone_edges(normals: Float, friction: Float) -> Float:
