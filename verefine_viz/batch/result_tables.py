@@ -1,4 +1,4 @@
-"""The tables of a batch, written or compared frame by frame: frames.csv, results.csv, frames.parquet, .answers."""
+"""The tables of a batch, written or compared frame by frame: frames.csv, results.csv, frames.parquet."""
 
 from __future__ import annotations
 

@@ -136,7 +136,7 @@ class Film:
     def strip(self, title: str) -> PilImage.Image:
         """All moments in rows of three, or two of two, below a title and above what the maps' colours say."""
         panels = self.panels()
-        columns = 2 if len(panels) == 4 else COLUMNS
+        columns = columns_of(len(panels))
         rows = -(-len(panels) // columns)
         width, height = panels[0].width + MARGIN, panels[0].height + MARGIN
         sheet = PilImage.new("RGB", (columns * width + MARGIN, HEAD + MARGIN + rows * height + FOOT), PAPER)
@@ -156,6 +156,11 @@ class Film:
         times = [STILL_MS] * len(others) + [LAST_MS]
         first.save(out, "GIF", save_all=True, append_images=others, duration=times, loop=0)
         return None
+
+
+def columns_of(n_moments: int) -> int:
+    """How many moments stand in a row."""
+    return 2 if n_moments == 4 else COLUMNS
 
 
 def film_pictures(target: Target, moments: Sequence[Moment], maps_of: MapsOf, tau_m: float) -> list[bytes]:

@@ -8,12 +8,11 @@ from collections.abc import Mapping
 import rerun as rr
 import rerun.blueprint as rrb
 
-from verefine_viz.pictures.film import Film
+from verefine_viz.pictures.film import Film, columns_of
 from verefine_viz.recording import entities
 from verefine_viz.recording.recording_file import RecordingFile
 
 JPEG_QUALITY = 88
-COLUMNS = 3
 
 
 def log_film(file: RecordingFile, branch_name: str, film: Film) -> None:
@@ -37,4 +36,4 @@ def film_tab(n_moments: Mapping[str, int]) -> rrb.Container:
 
 def _moments(branch_name: str, n: int) -> rrb.Grid:
     views = (rrb.Spatial2DView(origin=entities.moment(branch_name, k), name=f"{k + 1}") for k in range(n))
-    return rrb.Grid(*views, grid_columns=2 if n == 4 else COLUMNS, name=branch_name)
+    return rrb.Grid(*views, grid_columns=columns_of(n), name=branch_name)

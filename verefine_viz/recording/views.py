@@ -53,7 +53,7 @@ def blueprint_of(
     has_grasps: bool = False,
     n_moments: Mapping[str, int] | None = None,
 ) -> rrb.Blueprint:
-    """The whole window: an overview, and a tab for each thing that has no room in it.
+    """The whole window: an overview, and tabs for what has no room in it.
 
     Args:
         layout: what was recorded.
