@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import open3d as o3d
 import platformdirs
 from numpy.typing import NDArray
 
@@ -23,6 +22,7 @@ from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import as_rigid, axis_angle, rounding_note, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.ray_scene import queries, ray_scene
 from verefine_viz.core.text_format import unusable
 from verefine_viz.grasping.gripper import FINGER_M, PALM_FRONT_M, PINCH_M, TIP_M, is_blocked
 
@@ -168,13 +168,8 @@ def sampled(model: ObjectModel, settings: GraspSettings) -> Float:
     rng = np.random.default_rng((settings.seed, 30))
     chosen = rng.integers(len(model.points), size=TRIED)
     starts, normals = model.points[chosen], model.point_normals[chosen]
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor.from_numpy(model.vertices.astype(np.float32)),
-        o3d.core.Tensor.from_numpy(model.faces.astype(np.uint32)),
-    )
-    rays = np.concatenate([starts - 1e-4 * normals, -normals], axis=1).astype(np.float32)
-    hits = scene.cast_rays(o3d.core.Tensor.from_numpy(rays))
+    rays = queries(np.concatenate([starts - 1e-4 * normals, -normals], axis=1))
+    hits = ray_scene(model.vertices, model.faces).cast_rays(rays)
     width = hits["t_hit"].numpy().astype(np.float64) + 1e-4
     opposite = np.abs((hits["primitive_normals"].numpy().astype(np.float64) * normals).sum(axis=1))
     good = (width < settings.opening_m - SPARE_M) & (width > 0.005) & (opposite >= np.cos(np.radians(CONE_DEG)))

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import open3d as o3d
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
@@ -185,6 +184,9 @@ def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int
             f"no support plane: {len(near)} background pixels with depth near the objects, at least {MIN_POINTS} are "
             "needed; physics is off for this frame"
         )
+    # A second to import: later than the page.
+    import open3d as o3d
+
     rng = np.random.default_rng(seed)
     sample = near[np.sort(rng.choice(len(near), size=min(RANSAC_POINTS, len(near)), replace=False))]
     n_sample = len(sample)

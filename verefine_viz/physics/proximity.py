@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import open3d as o3d
 import trimesh
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed
+from verefine_viz.core.ray_scene import queries, ray_scene
 
 SIDEWAYS_M = 3e-4
 """A point may be so far beside the surface that it meets [m]."""
@@ -31,15 +31,11 @@ class Surface:
         self.points = dense if len(dense) == len(mesh.vertices) else np.unique(dense, axis=0)
         """(N, 3) dense, corners and edges included [m]."""
         self.low, self.high = self.points.min(axis=0), self.points.max(axis=0)
-        self._scene = o3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            o3d.core.Tensor.from_numpy(np.array(mesh.vertices, dtype=np.float32)),
-            o3d.core.Tensor.from_numpy(np.array(mesh.faces, dtype=np.uint32)),
-        )
+        self._scene = ray_scene(mesh.vertices, mesh.faces)
 
     def distances(self, points: Float) -> tuple[Float, Float, Float]:
         """Signed distances (N,) of ``points`` (N, 3), negative inside; nearest points (N, 3) and normals (N, 3)."""
-        query = o3d.core.Tensor.from_numpy(points.astype(np.float32))
+        query = queries(points)
         # Three rays vote on inside or outside: scanned meshes have holes.
         signed = self._scene.compute_signed_distance(query, nsamples=3).numpy().astype(np.float64)
         nearest = self._scene.compute_closest_points(query)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import platformdirs
@@ -17,7 +17,11 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.decimation import decimated
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.ray_scene import queries, ray_scene
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
+
+if TYPE_CHECKING:
+    import open3d as o3d
 
 Faces = NDArray[np.int32]
 
@@ -83,7 +87,7 @@ def simplified(
     best = vertices, faces
     if len(large) == 0:
         return best
-    reference = _surface(vertices, faces)
+    reference = ray_scene(vertices, faces)
     reference_points = surface_points(vertices, faces)
     scale = float(np.abs(vertices).max())
     too_few, enough = 4, len(large)
@@ -103,7 +107,7 @@ def simplified(
 
 def deviation_m(a: tuple[Float, Faces], b: tuple[Float, Faces]) -> float:
     """Largest distance from sampled points of either surface to the other [m]."""
-    return _deviation(_surface(*a), surface_points(*a), *b)
+    return _deviation(ray_scene(*a), surface_points(*a), *b)
 
 
 def surface_points(vertices: Float, faces: Faces) -> Float:
@@ -118,21 +122,13 @@ def surface_points(vertices: Float, faces: Faces) -> Float:
     return np.concatenate([vertices, (1 - r) * a[i] + r * (1 - s) * b[i] + r * s * c[i]])
 
 
-def _surface(vertices: Float, faces: Faces) -> Any:
-    # open3d takes seconds to import, and is needed only where no cached mesh exists.
-    import open3d as o3d
-
-    tensor: Any = o3d.core.Tensor
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(tensor(vertices.astype(np.float32)), tensor(np.ascontiguousarray(faces, dtype=np.uint32)))
-    return scene
-
-
-def _deviation(reference: Any, reference_points: Float, vertices: Float, faces: Faces) -> float:
+def _deviation(
+    reference: o3d.t.geometry.RaycastingScene, reference_points: Float, vertices: Float, faces: Faces
+) -> float:
     if len(faces) == 0:
         return np.inf
-    there = _surface(vertices, faces).compute_distance(reference_points.astype(np.float32)).numpy().max()
-    used = surface_points(*_welded(vertices, faces)).astype(np.float32)
+    there = ray_scene(vertices, faces).compute_distance(queries(reference_points)).numpy().max()
+    used = queries(surface_points(*_welded(vertices, faces)))
     return float(max(there, reference.compute_distance(used).numpy().max()))
 
 
@@ -191,7 +187,7 @@ def _bounds_a_solid(vertices: Float, faces: NDArray[np.int32]) -> bool:
 
 
 def _cuts_itself(vertices: Float, faces: NDArray[np.int32]) -> bool:
-    # open3d takes seconds to import, and is needed only where no cached mesh exists.
+    # Open3D takes more than a second to import, and is needed only where no cached mesh exists.
     import open3d as o3d
 
     mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(faces))

@@ -9,7 +9,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import open3d as o3d
 import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
@@ -19,6 +18,7 @@ from verefine_viz.core.errors import InputError, SettingsError, ShapeError
 from verefine_viz.core.geometry import apply, as_rigid, inverse
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation, Support
+from verefine_viz.core.ray_scene import queries, ray_scene
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.core.surroundings import SupportSurface, Surroundings
 from verefine_viz.observation.observed_support import THICK_M, THICKEST_M, THINNEST_M, convex_model
@@ -154,12 +154,7 @@ def _thickness(solid: trimesh.Trimesh, inward: Float) -> Float:
     """How thick (F,) the solid is behind each face, ``THICKEST_M`` at most; ``THICK_M`` where it encloses nothing."""
     if not solid.is_watertight:
         return np.full(len(inward), THICK_M)
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor.from_numpy(np.asarray(solid.vertices, dtype=np.float32)),
-        o3d.core.Tensor.from_numpy(np.asarray(solid.faces, dtype=np.uint32)),
-    )
     starts = np.asarray(solid.triangles_center) + 1e-4 * inward
-    rays = np.concatenate([starts, inward], axis=1).astype(np.float32)
-    hit_m = scene.cast_rays(o3d.core.Tensor.from_numpy(rays))["t_hit"].numpy().astype(np.float64)
+    rays = queries(np.concatenate([starts, inward], axis=1))
+    hit_m = ray_scene(solid.vertices, solid.faces).cast_rays(rays)["t_hit"].numpy().astype(np.float64)
     return np.clip(hit_m, THINNEST_M, THICKEST_M)

@@ -5,12 +5,17 @@ Half of the trials of the paper's grasping experiment have the objects so (Sec. 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import open3d as o3d
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.ray_scene import queries, ray_scene
+
+if TYPE_CHECKING:
+    import open3d as o3d
 
 NEAR_SHARE = 0.03
 """A half turn about the vertical is taken if it leaves half of the surface nearer than this share of the diameter, …"""
@@ -28,11 +33,7 @@ def half_turn(model: ObjectModel, up_obj: Float) -> Float:
         model: what is turned.
         up_obj: (3,) unit vector of the vertical in the object's frame.
     """
-    surface = o3d.t.geometry.RaycastingScene()
-    surface.add_triangles(
-        o3d.core.Tensor.from_numpy(model.vertices.astype(np.float32)),
-        o3d.core.Tensor.from_numpy(model.faces.astype(np.uint32)),
-    )
+    surface = ray_scene(model.vertices, model.faces)
     corners = model.vertices[model.faces]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     middle = np.average(corners.mean(axis=1), axis=0, weights=areas)
@@ -57,5 +58,5 @@ def _turned(points: Float, surface: o3d.t.geometry.RaycastingScene, axis: Float,
 
 def _to_surface(points: Float, surface: o3d.t.geometry.RaycastingScene) -> Float:
     """(N, 3) from each point to the nearest one of the surface [m]."""
-    nearest = surface.compute_closest_points(o3d.core.Tensor.from_numpy(points.astype(np.float32)))["points"]
+    nearest = surface.compute_closest_points(queries(points))["points"]
     return nearest.numpy().astype(np.float64) - points

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import rankdata
 
 from verefine_viz.page import protocol as p
 from verefine_viz.page.answers_to_wants import RecordedAnswer, RecordedPose
@@ -47,6 +46,8 @@ def rank_correlation(pairs: list[tuple[float | None, float | None]]) -> float | 
     both = [pair for pair in pairs if None not in pair]
     if len(both) < FEWEST:
         return None
+    from scipy.stats import rankdata  # half a second to import
+
     theirs, ours = (rankdata(side) for side in zip(*both, strict=True))
     if np.ptp(theirs) == 0 or np.ptp(ours) == 0:
         return None
