@@ -58,7 +58,7 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class KnownCause:
-    """A cause for those who read of it. Texts without a capital letter and a full stop stand in a sentence."""
+    """What people read about a cause. Texts without a capital letter and a full stop stand in a sentence."""
 
     title: str
     """For tables, bar charts, filters."""
@@ -93,7 +93,7 @@ CAUSES: dict[Cause, KnownCause] = {
     Cause.GROUND_TRUTH: KnownCause(
         title="ground truth does not fit its image",
         what="the ground truth scores next to nothing and the measured depth is elsewhere, while the answer scores "
-        "high: the mesh has other axes than the poses are about (Y up, mirrored), or the poses another frame",
+        "high: the mesh has other axes than the poses mean (Y up, mirrored), or the poses are in another frame",
         shown_by="without a re-run: both poses are scored",
         advice="compare the axes of the meshes and the frame of the poses with what the data set says; until they fit, "
         "no error means anything",
@@ -158,7 +158,7 @@ CAUSES: dict[Cause, KnownCause] = {
         title="neighbour misplaced first",
         what="an object placed before it is misplaced",
         shown_by="by a re-run with this put right: the other objects, at ground truth",
-        advice="mend the objects first that were placed before them",
+        advice="first mend the objects that were placed before them",
         numbers={
             "neighbour, neighbour_error": "instance_id of the object that was misplaced first, and its error",
         },
@@ -306,7 +306,7 @@ CAUSES: dict[Cause, KnownCause] = {
         title="refiner out of its training range",
         what="all initial poses are turned or shifted further from the ground truth than what a learned refiner was "
         "trained on",
-        shown_by="by a re-run with this put right: the initial poses: the same ones, within half of that range",
+        shown_by="by a re-run with this put right: the initial poses, brought within half of that range",
         advice="the initial poses are further off than the refiner was trained for, so better ones are needed "
         "([hypotheses]), or weights trained on a wider range",
         remedies=(FOUND_HYPOTHESES, BY_ICP),
@@ -325,7 +325,7 @@ CAUSES: dict[Cause, KnownCause] = {
         title="refiner diverged or got stuck",
         what="the refiner led away from a pose that was nearer, or does not get from the hypotheses to the ground "
         "truth",
-        shown_by="by a re-run with this put right: the refiner: ICP in its place; or ground truth as a start",
+        shown_by="by a re-run with this put right: ICP in place of the refiner, or ground truth as a start",
         advice="try another refiner, or other settings of it (method.refiner)",
         remedies=(BY_ICP, BY_NETWORK),
         numbers={
@@ -389,10 +389,10 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.IMPOSSIBLE: KnownCause(
         title="physically impossible where it is",
-        what="an answer without ground truth floats by more than 5 mm, sinks in by more than 5 mm and what short "
-        "heights and a lean in the depth explain, or would tip over; not where only a support plane that explains "
-        "little of the background says so, where it sinks in no deeper than heights measure short by three or more "
-        "objects, or where the data of the frame are in doubt",
+        what="an answer without ground truth floats by more than 5 mm, sinks in by 5 mm more than short heights "
+        "and a lean in the depth explain, or would tip over; not named where only a support plane that explains "
+        "little of the background says so, where three or more objects measure short in height by as much as it "
+        "sinks in, or where the frame's data are in doubt",
         shown_by="without a re-run: geometry alone; asked for where the method simulates",
         advice="they sink in, float or would tip, so look at the support plane and at what they touch",
         remedies=(PLAUSIBLE,),
