@@ -49,7 +49,7 @@ class Judged:
     error: float
     """ADD(-S) as a share of the diameter."""
     error_seen: float
-    """The same to the nearest pose that the image allows beside ground truth."""
+    """ADD(-S) to the nearest pose that the image allows beside ground truth."""
     by_shape: float
     """ADI as a share of the diameter."""
     is_inside: bool

@@ -66,7 +66,7 @@ class Timed:
 
 @dataclass(frozen=True)
 class Answer:
-    """Of one object in one frame."""
+    """Answer for one object in one frame."""
 
     frame: str
     name: str

@@ -37,11 +37,11 @@ from verefine_viz.run.toolbox import Toolbox
 SAMPLES = range(100, 110)
 """Samples of the observed points that no diagnosis has used."""
 CALLS = 40
-"""Of the refiner for each hypothesis."""
+"""Calls of the refiner for each hypothesis."""
 NEAR_GT = 20
 """Poses near ground truth, refined, of which the correct ones show what the score can reach there."""
 RARELY, MOSTLY = 3, 7
-"""Of ten re-runs."""
+"""Right ones of ten re-runs."""
 N_IMAGES = 40
 """Resampled depth images."""
 TOPS = 3
@@ -55,15 +55,15 @@ class Facts:
     n_correct_seen: int
     """Scored poses of the run that are correct."""
     best_correct_score: float
-    """Of those; −1 without any."""
+    """Score of the best of those; −1 without any."""
     score: float
-    """Of the answer."""
+    """Score of the answer."""
     score_at_gt: float
     """The highest of correct poses: of the run, near ground truth, and that the refiner takes hypotheses to."""
     sigmas: float
     """By how many standard deviations the highest score near them is above the highest near the answer."""
     best_leading_score: float
-    """Of correct poses that the refiner alone takes hypotheses to; −1 without any."""
+    """Best score of correct poses that the refiner alone takes hypotheses to; −1 without any."""
     n_leading: int
     """Hypotheses that the refiner alone takes to a correct pose."""
     n_by_chance: int

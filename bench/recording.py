@@ -32,7 +32,7 @@ from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
 REPEATS = 120
-"""Of the shortest frames: times vary by half from one to the next, and the share must not."""
+"""Runs of the shortest frames: times vary by half from one to the next, and the share must not."""
 MUG: dict[str, Any] = {"method": {"name": "rir", "refiner": "icp"}, "scene": {"demo": "mug"}}
 CLUTTER: dict[str, Any] = {"method": {"name": "rir", "refiner": "icp", "iterations": 3}, "scene": {"demo": "clutter"}}
 

@@ -45,7 +45,7 @@ class Condition:
 
 
 def tilted(problem: Problem) -> Problem:
-    """The same with a support plane that leans by 20°."""
+    """The problem with a support plane that leans by 20°."""
     support = problem.observation.support
     assert support is not None
     wrong = leaning(support, np.array([1.0, 0, 0]), 20.0)
@@ -53,7 +53,7 @@ def tilted(problem: Problem) -> Problem:
 
 
 def leaking(problem: Problem) -> Problem:
-    """The same with masks that take in 12 px of what lies around the objects, which draws the refiner away."""
+    """The problem with masks that take in 12 px of what lies around the objects, which draws the refiner away."""
     instances = (
         seen_through(
             np.asarray(binary_dilation(i.mask, iterations=12), bool), i, problem.observation, len(i.points_cam)

@@ -37,7 +37,7 @@ DISTURBED_DEG = (30.0, 60.0)
 
 @dataclass(frozen=True)
 class Answer:
-    """Of one object in one frame."""
+    """Answer for one object in one frame."""
 
     name: str
     frame: str

@@ -29,7 +29,7 @@ from verefine_viz.page.openable import read_openable  # noqa: E402
 DOCS = ROOT / "docs"
 SIZE = {"width": 1280, "height": 760}
 WIDTH_PX = 960
-"""Of the pictures of README and docs/guide.md."""
+"""Width of the pictures of README and docs/guide.md."""
 STILL_MS, LAST_MS = 1100, 4000
 IMAGE = ".pane.image .stage"
 PANES = {Cause.SIMULATION: ".pane.scene", Cause.PLANE: ".pane.scene", Cause.ARM_STARVED: ".timeline"}

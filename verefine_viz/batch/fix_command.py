@@ -40,7 +40,7 @@ class FixRequest:
     """What is tried on which runs."""
 
     folder: Path
-    """Of a batch, or of several."""
+    """Folder of a batch, or of several."""
     out: Path | None = None
     """None: see :func:`fix_folder`."""
     seed: int = 0

@@ -32,20 +32,20 @@ class FixRow(Struct, frozen=True, kw_only=True):
     remedy: str
     """The setting, and what it becomes; several with ``+`` between them."""
     cause: str
-    """Of the answers that it was tried on, one of docs/causes.md; ``all``: of every cause."""
+    """Cause of the answers that it was tried on, one of docs/causes.md; ``all``: every cause."""
     judged_by: JudgedBy
     """``ground truth``; ``fit``: without it, by physics, else the score (Eq. 1), else how far the answer is
     undetermined: then an answer came out better or worse, which need not be right or wrong."""
     tried: int
     """Answers that were wrong or missing, without ground truth in doubt."""
     came_right: int
-    """Of these, that are right with the remedy; without ground truth, that fit better."""
+    """How many of these are right with the remedy; without ground truth, how many fit better."""
     worse: int
-    """Of these, that fit worse; 0 with ground truth."""
+    """How many of these fit worse; 0 with ground truth."""
     right_tried: int
     """Answers that were right, in the same frames and in those of the sample."""
     broke: int
-    """Of these, that are wrong with the remedy, or fit worse."""
+    """How many of these are wrong with the remedy, or fit worse."""
     right_known: int
     """All answers of the runs that were right."""
     net_gain: float
@@ -74,7 +74,7 @@ class FixAnswer(Struct, frozen=True, kw_only=True):
     run: str
     """Name of its batch's folder."""
     folder: str
-    """Of the batch with the remedy, below the folder of the table."""
+    """Folder of the batch with the remedy, below that of the table."""
     frame: str
     instance_id: int | None
     name: str

@@ -44,9 +44,9 @@ class Shift:
     right: int
     down: int
     strength: float
-    """Of the edges under them, as a multiple of what it is elsewhere."""
+    """Strength of the edges under them, as a multiple of what it is elsewhere."""
     before: float
-    """The same without the shift."""
+    """Strength without the shift."""
 
     @property
     def back(self) -> Shift:

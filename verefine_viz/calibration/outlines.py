@@ -76,7 +76,7 @@ class OutlineFit:
 
     @property
     def sides_error(self) -> float:
-        """Of the sides."""
+        """Error of the sides."""
         return float(max(self._fitted[1][:2]))
 
 

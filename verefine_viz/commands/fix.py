@@ -30,7 +30,7 @@ class FixCommand:
     out: Path | None = None
     """Folder for fix.csv and a batch for each remedy; none = RUN_DIR/fix."""
     seed: int = 0
-    """Of the sample of right answers: at least as many as a remedy is tried on, where there are so many."""
+    """Seed of the sample of right answers: at least as many as a remedy is tried on, where there are so many."""
     retry_failed: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Try frames again that failed with a remedy; without it they stay as they are, and their answers are missing."""
     workers: int = max(os.cpu_count() or 1, 1)

@@ -48,7 +48,7 @@ CLASS_COLORS: dict[str, RGB] = {
     "hidden": (100, 130, 150),
     "unknown": (235, 235, 230),
 }
-"""Of different lightness where red and green look alike."""
+"""Colours of different lightness where red and green look alike."""
 
 CLASS_MEANINGS: dict[str, str] = {
     "explained": "in the mask, rendered and observed agree within τ",

@@ -25,7 +25,7 @@ class Remedy:
     times_number: str = ""
     """The number of a finding that says how many times; where it has none, :attr:`times`."""
     at_least: float = 0.0
-    """Of a multiple, whatever it is of."""
+    """Least value of a multiple, whatever it is of."""
 
     def for_finding(self, numbers: Mapping[str, float]) -> Remedy:
         """The remedy as the numbers of a finding have it."""

@@ -19,7 +19,7 @@ from verefine_viz.diagnosis.number_words import distinct_texts, millimetres
 from verefine_viz.run.record import Answer, ObjectHeader, RunRecord
 
 MOST_WORDS = 12
-"""Of a caption."""
+"""Most words of a caption."""
 GIVEN_UP = 0.05
 """A pose that scores so much more than the answer was given up."""
 BY_SIMULATION = (Cause.SIMULATION, Cause.PLANE, Cause.COLLIDER, Cause.NEIGHBOUR, Cause.IMPOSSIBLE)

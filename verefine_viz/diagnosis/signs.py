@@ -97,7 +97,7 @@ class FinishedObject:
     allowed: AllowedPoses | None = None
     """The poses that the image allows beside the answer, where they are known."""
     seen: tuple[AllowedPoses, float] | None = None
-    """Of a wrong answer the poses that the image allows beside ground truth, and how far it is from them by ADD(-S)
+    """For a wrong answer, the poses that the image allows beside ground truth, and how far it is from them by ADD(-S)
     [mm], where that is known."""
 
     @property

@@ -190,12 +190,12 @@ class AllowedPoses:
     """(4, 4) the pose next to it that scores most."""
     small: SmallMotions
     extents: tuple[Extent, ...]
-    """Of each of the twelve axes: three shifts and three turns of the table, then of the model."""
+    """Extents along each of the twelve axes: three shifts and three turns of the table, then of the model."""
     alike: tuple[AlikePose, ...]
     """Poses apart from the answer by more than a small motion, the one that scores most first."""
     furthest: AlikePose | None
-    """Of all the one furthest from the answer, where it is further than 10 % of the diameter; None where one is better
-    than the answer."""
+    """The allowed pose that is furthest from the answer, where it is further than 10 % of the diameter; None where one is
+    better than the answer."""
     radius_mm: float
     """Half of the model's diameter: what a turn by 1 rad moves a far point by."""
 

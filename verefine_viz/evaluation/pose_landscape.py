@@ -13,7 +13,7 @@ class Curve:
     """The score along one axis."""
 
     extent: Extent
-    """Of which the observation cannot tell."""
+    """Offsets that the observation cannot tell apart."""
     offsets: Float
     """(n,) ascending, 0 among them [mm] or [deg]."""
     scores: Float

@@ -88,7 +88,7 @@ def motions(
 def _posed_motions(
     posed: Sequence[PosedFrame], places: NDArray[np.int64], middle_m: Float, turns: Float, symmetries: Float
 ) -> list[Motion]:
-    """Of the frames that have a pose, which are so many places apart in the sequence."""
+    """Motions between frames that have a pose, so many places apart in the sequence."""
     before = np.maximum(np.arange(len(posed)) - 1, 0)
     n_frames = np.maximum(places - places[before], 1)
     T_cam_obj = np.array([pose.T_cam_obj for pose in posed])
@@ -160,7 +160,7 @@ class MotionMark:
     """What stands out in a sequence."""
 
     place: int
-    """Of the frame, from 0."""
+    """Place of the frame, from 0."""
     kind: MarkKind
     """lost: it had a pose in the last frame that was solved, and has none; recovered: it has one again."""
 

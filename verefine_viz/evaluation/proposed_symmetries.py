@@ -41,7 +41,7 @@ class ProposedSymmetry:
     centre_m: Float
     """(3,) a point of the axis [m]."""
     angle_deg: float | None
-    """Of the turn; None = any."""
+    """Angle of the turn; None = any."""
     changes_mm: float
     """Nearly all of the surface is at most so far from where the surface was [mm]."""
     colors_differ: float | None

@@ -46,7 +46,7 @@ from verefine_viz.scenes.labels import Label
 from verefine_viz.scenes.unlabelled_frames import UnlabelledFrames
 
 SPLIT = "test"
-"""Of a new data set whose frames come from another layout."""
+"""Split of a new data set whose frames come from another layout."""
 NO_SYMMETRIES: Symmetries = {}
 
 

@@ -24,7 +24,7 @@ from verefine_viz.core.problem import Placed
 from verefine_viz.scenes.own_pixels import fit_reach_m, own_pixels
 
 MOST_POINTS = 5000
-"""Of the labelled objects together, and of the rest."""
+"""Most points of the labelled objects together, and of the rest."""
 LEVELS = ((0.06, 6.0), (0.03, 3.0), (0.012, 1.5))
 """Largest distance of a match along its ray [m], and blur of the grey values [px]: from coarse to fine."""
 MOST_STEPS, REST_M = 15, 2e-5

@@ -47,7 +47,7 @@ class CarriedFrame:
     labels: tuple[Label, ...]
     """In the order of the frame before."""
     unseen: tuple[Label, ...]
-    """Of objects that this frame does not show, where the camera's motion puts them."""
+    """Labels of objects that this frame does not show, where the camera's motion puts them."""
     motion: CameraMotion | UnknownMotion
     notes: tuple[str, ...] = ()
     """What became of single objects: hidden, outside of the image, moved."""
@@ -166,7 +166,7 @@ def carried_on(
 @dataclass(frozen=True)
 class _Shown:
     share: float
-    """Of the front, in [0, 1]."""
+    """Share of the front, in [0, 1]."""
     how: str = ""
     """Why it is not to be labelled; empty where it is."""
 

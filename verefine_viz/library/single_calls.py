@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from verefine_viz.run.toolbox import Toolbox
 
 MOST_STEPS = MOST_HYPOTHESES = 10_000
-"""Of a simulation, and of an estimator; as settings have them."""
+"""Most steps of a simulation, and poses of an estimator; as settings have them."""
 
 
 def score(

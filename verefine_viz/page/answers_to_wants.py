@@ -125,7 +125,7 @@ class PosePhysics(Part, frozen=True):
     gap_mm: float | None = None
     """To the nearest surface."""
     depth_mm: float | None = None
-    """Of the deepest penetration."""
+    """Depth of the deepest penetration."""
     into: str | None = None
     """What it penetrates."""
     margin_mm: float | None = None
@@ -146,7 +146,7 @@ class PlaneFit(Part, frozen=True):
     """How well the support plane fits."""
 
     share: float
-    """Of the background that lies on it."""
+    """Share of the background that lies on it."""
     rms_mm: float
     tilt_deg: float
     """Between its normal and gravity."""
@@ -157,7 +157,7 @@ class UnknownSolid(Part, frozen=True):
 
     number: int
     size_mm: Sequence[float]
-    """Of its box, longest first."""
+    """Sides of its box, longest first."""
     dropped: bool
     """Whether it stops nothing."""
 
@@ -190,7 +190,7 @@ class TouchedPartner(Part, frozen=True):
     """Contact points."""
     force_n: float
     depth_mm: float
-    """Of the deepest penetration."""
+    """Depth of the deepest penetration."""
 
 
 class TippingMoment(Part, frozen=True):
@@ -228,7 +228,7 @@ class PhysicsAnswer(Answer, frozen=True):
     objects: Sequence[PosePhysics]
     """Where each stands."""
     poses: Sequence[PosePhysics]
-    """Of the object asked for: before and after, with what a picture needs."""
+    """Poses of the object asked for: before and after, with what a picture needs."""
     overlaps: Sequence[OverlappingPair]
     """Deepest first."""
     path: SimulatedMotion | None
@@ -258,7 +258,7 @@ class ScoreCurve(Part, frozen=True):
 
 
 class CurvesAnswer(Answer, frozen=True):
-    """Of `landscape`: the score around a pose along twelve axes."""
+    """Answer to `landscape`: the score around a pose along twelve axes."""
 
     T: Pose
     score: float
@@ -278,7 +278,7 @@ class SliceAxis(Part, frozen=True):
 
 
 class SliceAnswer(Answer, frozen=True):
-    """Of `landscape`: the score over two axes."""
+    """Answer to `landscape`: the score over two axes."""
 
     across: SliceAxis
     up: SliceAxis
@@ -300,7 +300,7 @@ class OtherPose(Part, frozen=True):
 
 
 class OtherAnswer(Answer, frozen=True):
-    """Of `landscape`: what fits as well elsewhere."""
+    """Answer to `landscape`: what fits as well elsewhere."""
 
     other: OtherPose | None
     near: Sequence[str]
@@ -475,7 +475,7 @@ class SequenceAnswer(Answer, frozen=True):
     """
 
     run: str
-    """Of the batch; "" = none."""
+    """Name of the batch; "" = none."""
     scene: int
     scenes: Sequence[int]
     """All that there are."""
@@ -524,16 +524,16 @@ class GraspOutcome(Part, frozen=True):
     gap_mm: Sequence[float] = ()
     """Between the fingers."""
     force_n: Sequence[Sequence[float]] = ()
-    """Of both fingers on the object."""
+    """Force of both fingers on the object."""
     rise_mm: Sequence[float] = ()
-    """Of the object since the start."""
+    """Rise of the object since the start."""
     touches: Sequence[Sequence[str]] = ()
     """What the gripper presses on."""
     frames: Sequence[GraspFrame] = ()
 
 
 class GraspAnswer(Answer, frozen=True):
-    """Of `evaluate`: a grasp by a pose and by the ground truth."""
+    """Answer to `evaluate`: a grasp by a pose and by the ground truth."""
 
     pose: GraspOutcome
     truth: GraspOutcome
@@ -553,11 +553,11 @@ class RefinedAnswer(Answer, frozen=True):
     """The proposed pose itself where nothing scores higher."""
     score: ScoreNumbers
     before: ScoreNumbers
-    """Of the proposed pose."""
+    """Score of the proposed pose."""
     tone: Light
     """Whether it can stand there; grey where no support is known or physics is off."""
     words: str
-    """The same in words."""
+    """The change in words."""
 
 
 class PointAnswer(Answer, frozen=True):
@@ -581,5 +581,5 @@ class AnswerMessage(Message, frozen=True):
     """What a window asked for."""
 
     id: str
-    """Of the want, or of `evaluate`."""
+    """Id of the want, or of `evaluate`."""
     answer: AnyAnswer

@@ -40,7 +40,7 @@ ENDINGS = {
     "film": ("_film.png", "_film.gif"),
     "verbs": ("_verbs.jsonl",),
 }
-"""Of files, by what is written; the first where none is named."""
+"""Endings of files, by what is written; the first where none is named."""
 FOR_THE_BROWSER = ("share", "film")
 """What it downloads, and what stays nowhere else."""
 

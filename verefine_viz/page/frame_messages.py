@@ -83,7 +83,7 @@ class SupportPlane(Part, frozen=True):
     unknown: Sequence[int]
     """Numbers of the unknown objects that stand around."""
     outline: Polygon
-    """Of the part that was seen, in the image."""
+    """Outline of the part that was seen, in the image."""
     inliers: str
     """Blob of uint8 h×w, 1 = a pixel of the background that lies on it."""
 

@@ -68,7 +68,7 @@ class GalleryRow(Part, frozen=True):
     film: bool
     """Whether it has a film."""
     group: str | UnsetType = UNSET
-    """Of reports alone, as all below: the group of its run."""
+    """In reports alone, as all below: the group of its run."""
     compared: str | UnsetType = UNSET
     """Which of two runs is wrong, in words."""
     command: str | UnsetType = UNSET
@@ -98,7 +98,7 @@ class AnswersMessage(Message, frozen=True):
     orders: Sequence[GalleryOrder]
     rows: Sequence[GalleryRow]
     frames: Sequence[str] | UnsetType | None = UNSET
-    """Of a watched folder: frames of the open session now."""
+    """In a watched folder: frames of the open session now."""
 
 
 # Remedies that were tried
@@ -287,7 +287,7 @@ class FrameChange(Part, frozen=True):
     n: int
     errors: tuple[float | None, float | None]
     right: Sequence[int]
-    """Of A and of B."""
+    """How many of A and of B are right."""
 
 
 class PairDifference(Part, frozen=True):
@@ -345,7 +345,7 @@ class ReportTrack(Part, frozen=True):
     deg: float | None
     drift_mm: float | None
     moved: Sequence[TrackMove]
-    """Of those that flip and jump most."""
+    """Objects that flip and jump most."""
 
 
 class ReportSection(Part, frozen=True):
@@ -372,9 +372,9 @@ class ReportSection(Part, frozen=True):
     differing: Sequence[tuple[str, Sequence[str]]]
     """[setting, value by group]."""
     change: PairDifference | None
-    """Of two runs with ground truth."""
+    """Difference of two runs with ground truth."""
     apart: Sequence[ApartAnswers]
-    """Of two runs without."""
+    """Answers that lie apart, of two runs without ground truth."""
     tracks: Sequence[ReportTrack]
 
 
@@ -390,7 +390,7 @@ class ReportMessage(Message, frozen=True):
     """[run, why]."""
     columns: Sequence[ReportColumn]
     thresholds: Sequence[float]
-    """Of recall curves [% of the diameter]."""
+    """Thresholds of recall curves [% of the diameter]."""
     sections: Sequence[ReportSection]
     fix: FixShown | None = None
     """Remedies that were tried on these runs."""

@@ -33,7 +33,7 @@ class ReadyMessage(Message, frozen=True):
 
 
 class FileMessage(Message, frozen=True):
-    """Of a page as a file: what it holds."""
+    """What a page as a file holds."""
 
     command: str
     """Opens the same in the program."""

@@ -23,11 +23,11 @@ class Palette(Part, frozen=True):
     """Colours by what they mean; ``core/palette.py`` says more of each."""
 
     stages: dict[str, Hex]
-    """Of poses, by stage."""
+    """Colours of poses, by stage."""
     meanings: dict[str, str]
     """What the stages are, in words."""
     marks: dict[str, Hex]
-    """Of marks, by tone."""
+    """Colours of marks, by tone."""
     classes: tuple[PixelClass, ...]
     """In the order of their numbers, from 1."""
     sides: dict[str, Hex]

@@ -57,7 +57,7 @@ class DrawnPose(Struct, frozen=True, array_like=True):
     """The name of a stage, which gives the colour; "body": an object that is not in focus, in its own colour;
     "gizmo": the edited pose, with handles; "B": the run beside."""
     opacity: Annotated[float, Meta(ge=0, le=1)] = 0.0
-    """Of its body; 0 = an outline."""
+    """Opacity of its body; 0 = an outline."""
 
 
 class DrawnHypothesis(Struct, frozen=True, array_like=True):
@@ -114,7 +114,7 @@ class Look(Verb):
     """The object in focus; None = there is none: the frame is drawn."""
     draw: Annotated[tuple[DrawnPose, ...], Meta(max_length=MOST_POSES)] = ()
     hypotheses: Annotated[tuple[DrawnHypothesis, ...], Meta(max_length=MOST_POSES)] = ()
-    """Of the object in focus."""
+    """Hypotheses of the object in focus."""
     arm: Index = 0
     """The hypothesis that is drawn more clearly."""
     allowed: Annotated[tuple[Pose, ...], Meta(max_length=MOST_POSES)] = ()
@@ -205,7 +205,7 @@ class Open(Verb):
     link: Text = ""
     answer: Index | None = None
     beside: Text = ""
-    """Of an answer: a recorded run of its frame, to be put beside it as B, both at their ends."""
+    """For an answer: a recorded run of its frame, to be put beside it as B, both at their ends."""
     label: bool = False
     """The frames of the open session, to be labelled."""
     hulls: bool = False
@@ -406,7 +406,7 @@ class SequenceWanted(Wanted):
     """The objects of a scene over its frames."""
 
     run: Text = ""
-    """Of the batch that is open; "" = that of the open frame, or none."""
+    """A run of the open batch; "" = that of the open frame, or none."""
     scene: Index | None = None
     """null = that of the open frame."""
     done: Index = 0
@@ -442,11 +442,11 @@ class Save(Verb):
     what: Literal["session", "recording", "share", "results", "maps", "film", "verbs"]
     branch: Index = 0
     k: Index = 0
-    """Of the maps: the iteration that is shown."""
+    """For maps: the iteration that is shown."""
     obj: int | None = None
-    """Of the maps, or of the film: the object."""
+    """For maps and film: the object."""
     poses: Annotated[tuple[tuple[Text, Pose], ...], Meta(max_length=8)] = ()
-    """Of the maps: the poses of the object, by name."""
+    """For maps: the poses of the object, by name."""
     name: Annotated[str, Meta(max_length=120)] = ""
     replace: bool = False
 

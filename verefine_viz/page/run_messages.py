@@ -84,9 +84,9 @@ class ScenePass(Part, frozen=True):
 
     number: int
     score: float
-    """Of the poses of this pass together."""
+    """Score of the poses of this pass together."""
     best_known: float
-    """Of each object's best pose so far, together."""
+    """Score of each object's best pose so far, together."""
     reward: float
     """What the arms that were chosen got."""
     incumbent: float
@@ -137,13 +137,13 @@ class IterationRow(Part, frozen=True):
     stages: Sequence[ScoredStage]
     accepted: StageName
     best: BestPose
-    """Of this object, after the iteration."""
+    """Best pose of this object, after the iteration."""
     events: Sequence[tuple[EventKind, str]]
     """[kind, text]."""
     choice: ArmChoice | None
     """null where the method does not choose."""
     arms: Sequence[ArmState]
-    """Of this object, after the iteration."""
+    """Hypotheses of this object, after the iteration."""
     path: int | None
     """Number of simulated poses."""
     placed: Sequence[PlacedObject]

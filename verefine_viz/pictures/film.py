@@ -31,7 +31,7 @@ from verefine_viz.pictures.map_images import MapImages, scales_of
 from verefine_viz.pictures.support_patch import support_patch
 
 SIDE_PX = 240
-"""Of the photo, and of the map beside it."""
+"""Side of the photo, and of the map beside it."""
 GAP_PX = 2
 COLUMNS = 3
 STILL_MS, LAST_MS = 1800, 3500

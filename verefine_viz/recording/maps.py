@@ -56,7 +56,7 @@ class FloatMap:
     """(H, W) in its unit; NaN = none."""
     colormap: Literal["viridis", "inferno", "turbo"]
     per_m: float = 1.0
-    """Of its unit in a metre, for maps of lengths."""
+    """Units in a metre, for maps of lengths."""
     limits: tuple[float, float] | None = None
     """From where to where its scale goes; None = it follows the data."""
 

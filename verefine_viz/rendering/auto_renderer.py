@@ -53,7 +53,7 @@ class RendererTimes:
     """What was measured on a machine."""
 
     cpu_ms: tuple[float, float]
-    """Of a batch of each of ``SIZES`` [ms]."""
+    """Time for a batch of each of ``SIZES`` [ms]."""
     gl_ms: tuple[float, float]
     """On OpenGL [ms]; infinite where it fails."""
     difference: float

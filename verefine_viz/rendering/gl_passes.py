@@ -34,10 +34,10 @@ MOST_GROUPS = 65_535
 """Work groups along one axis, as OpenGL 4.3 promises; hence combinations of a batch."""
 
 DRAWING_THREADS = 128
-"""Of a work group of ``draw.comp``."""
+"""Threads in a work group of ``draw.comp``."""
 
 CLEARING_THREADS = 256
-"""Of a work group of ``clear.comp``."""
+"""Threads in a work group of ``clear.comp``."""
 
 THREAD_PIXELS = 16
 """About so many pixels are drawn by a thread; a triangle that has more is shared by several."""
@@ -46,7 +46,7 @@ MOST_SIDE = 16
 """Root of the most threads that share a triangle."""
 
 PIXEL_BYTES = 8
-"""Of a picture: 1/z and face."""
+"""Bytes of a pixel: 1/z and face."""
 
 N_RAW = 12
 """Numbers that a work group sums."""

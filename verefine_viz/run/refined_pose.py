@@ -43,7 +43,7 @@ class RefinedPose:
     score: PoseScore
     """With the fit of depth, normals and colour."""
     score_before: PoseScore
-    """Of the proposed pose."""
+    """Score of the proposed pose."""
     physics: Plausibility | None
     """Contacts, deepest intersection, stability; None where no support is known or physics is off."""
     allowed: AllowedPoses | None = None

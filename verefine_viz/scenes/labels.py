@@ -43,7 +43,7 @@ class Label(Struct, frozen=True, forbid_unknown_fields=True):
     state: State = "proposed"
     """What the person decided."""
     note: str = ""
-    """Of the person, about an uncertain one."""
+    """What the person noted about an uncertain one."""
     score: float = 0.0
     """In [0, 1] (Eq. 1)."""
     fit_mm: float = 0.0

@@ -19,12 +19,12 @@ from verefine_viz.core.errors import ContentError
 from verefine_viz.core.files import reading
 
 MOST_BYTES = 50_000_000
-"""Of the file, and of an array as it is unpacked."""
+"""Largest file, and largest array as it is unpacked."""
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """Types of elements by the format's number."""
 _MATRIX, _COMPRESSED = 14, 15
 _CLASSES = range(6, 16)
-"""Of matrices: double, single, and whole numbers."""
+"""Classes of matrices: double, single, and whole numbers."""
 _HEAD_BYTES = 128
 
 

@@ -31,7 +31,7 @@ class Models(Protocol):
 
     @property
     def ids(self) -> tuple[int, ...]:
-        """Of all objects."""
+        """Ids of all objects."""
         ...
 
     def name(self, obj_id: int) -> str:

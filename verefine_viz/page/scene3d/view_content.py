@@ -16,7 +16,7 @@ from verefine_viz.page.protocol import DrawnPose, Look, Pose, pose_matrix
 from verefine_viz.page.wire import pose_numbers
 
 FOCUS_OPACITY, OTHERS_OPACITY = 0.9, 0.8
-"""Of bodies at the end of a run."""
+"""Opacities of bodies at the end of a run."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from verefine_viz.page.wire import pose_numbers
 MOST = 12
 """Poses that are drawn at once."""
 ALONG = 7
-"""Of them along a motion."""
+"""Ghosts along a motion."""
 SEEN = 0.02
 """A pose nearer to the answer than this is drawn on top of it [ADD(-S), share of the diameter]."""
 FAR_DEG = 20.0

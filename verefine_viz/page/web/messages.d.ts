@@ -41,11 +41,11 @@ export interface HelloMessage {
 
 /** Colours by what they mean; `core/palette.py` says more of each. */
 export interface Palette {
-  /** Of poses, by stage. */
+  /** Colours of poses, by stage. */
   stages: Record<string, string>;
   /** What the stages are, in words. */
   meanings: Record<string, string>;
-  /** Of marks, by tone. */
+  /** Colours of marks, by tone. */
   marks: Record<string, string>;
   /** In the order of their numbers, from 1. */
   classes: PixelClass[];
@@ -75,7 +75,7 @@ export interface PixelClass {
   words: string;
 }
 
-/** Of a page as a file: what it holds. */
+/** What a page as a file holds. */
 export interface FileMessage {
   t: "file";
   /** Opens the same in the program. */
@@ -197,7 +197,7 @@ export interface SupportPlane {
   tilt_deg: number;
   /** Numbers of the unknown objects that stand around. */
   unknown: number[];
-  /** Of the part that was seen, in the image. */
+  /** Outline of the part that was seen, in the image. */
   outline: number[];
   /** Blob of uint8 h×w, 1 = a pixel of the background that lies on it. */
   inliers: string;
@@ -411,13 +411,13 @@ export interface IterationRow {
   cluster: number;
   stages: ScoredStage[];
   accepted: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated";
-  /** Of this object, after the iteration. */
+  /** Best pose of this object, after the iteration. */
   best: BestPose;
   /** [kind, text]. */
   events: (["arm_switched" | "edited" | "empty_render" | "flipped" | "kept_refined" | "kept_simulated" | "nan_score" | "new_best" | "new_best_scene" | "no_physics" | "physics_worse" | "refiner_stuck" | "score_fell" | "unstable", string])[];
   /** null where the method does not choose. */
   choice: ArmChoice | null;
-  /** Of this object, after the iteration. */
+  /** Hypotheses of this object, after the iteration. */
   arms: ArmState[];
   /** Number of simulated poses. */
   path: number | null;
@@ -492,9 +492,9 @@ export interface PlacedObject {
 /** What closes a pass over the objects of a cluster. */
 export interface ScenePass {
   number: number;
-  /** Of the poses of this pass together. */
+  /** Score of the poses of this pass together. */
   score: number;
-  /** Of each object's best pose so far, together. */
+  /** Score of each object's best pose so far, together. */
   best_known: number;
   /** What the arms that were chosen got. */
   reward: number;
@@ -726,7 +726,7 @@ export interface Look {
   /** The object in focus; None = there is none: the frame is drawn. */
   obj?: number | null;
   draw?: DrawnPose[];
-  /** Of the object in focus. */
+  /** Hypotheses of the object in focus. */
   hypotheses?: DrawnHypothesis[];
   /** The hypothesis that is drawn more clearly. */
   arm?: number;
@@ -858,7 +858,7 @@ export interface Open {
   batch?: string;
   link?: string;
   answer?: number | null;
-  /** Of an answer: a recorded run of its frame, to be put beside it as B, both at their ends. */
+  /** For an answer: a recorded run of its frame, to be put beside it as B, both at their ends. */
   beside?: string;
   /** The frames of the open session, to be labelled. */
   label?: boolean;
@@ -1035,7 +1035,7 @@ export interface CropsWanted {
 /** The objects of a scene over its frames. */
 export interface SequenceWanted {
   what: "sequence";
-  /** Of the batch that is open; "" = that of the open frame, or none. */
+  /** A run of the open batch; "" = that of the open frame, or none. */
   run?: string;
   /** null = that of the open frame. */
   scene?: number | null;
@@ -1065,11 +1065,11 @@ export interface Save {
   verb: "save";
   what: "film" | "maps" | "recording" | "results" | "session" | "share" | "verbs";
   branch?: number;
-  /** Of the maps: the iteration that is shown. */
+  /** For maps: the iteration that is shown. */
   k?: number;
-  /** Of the maps, or of the film: the object. */
+  /** For maps and film: the object. */
   obj?: number | null;
-  /** Of the maps: the poses of the object, by name. */
+  /** For maps: the poses of the object, by name. */
   poses?: [string, Pose][];
   name?: string;
   replace?: boolean;
@@ -1212,7 +1212,7 @@ export interface BreakpointsMessage {
 /** What a window asked for. */
 export interface AnswerMessage {
   t: "answer";
-  /** Of the want, or of `evaluate`. */
+  /** Id of the want, or of `evaluate`. */
   id: string;
   answer: AnyAnswer;
 }
@@ -1301,7 +1301,7 @@ export interface PhysicsAnswer {
   surroundings: SupportAround | null;
   /** Where each stands. */
   objects: PosePhysics[];
-  /** Of the object asked for: before and after, with what a picture needs. */
+  /** Poses of the object asked for: before and after, with what a picture needs. */
   poses: PosePhysics[];
   /** Deepest first. */
   overlaps: OverlappingPair[];
@@ -1320,7 +1320,7 @@ export interface SupportAround {
 
 /** How well the support plane fits. */
 export interface PlaneFit {
-  /** Of the background that lies on it. */
+  /** Share of the background that lies on it. */
   share: number;
   rms_mm: number;
   /** Between its normal and gravity. */
@@ -1330,7 +1330,7 @@ export interface PlaneFit {
 /** An object that the depth image shows and no model explains. */
 export interface UnknownSolid {
   number: number;
-  /** Of its box, longest first. */
+  /** Sides of its box, longest first. */
   size_mm: number[];
   /** Whether it stops nothing. */
   dropped: boolean;
@@ -1345,7 +1345,7 @@ export interface PosePhysics {
   words: string;
   /** To the nearest surface. */
   gap_mm: number | null;
-  /** Of the deepest penetration. */
+  /** Depth of the deepest penetration. */
   depth_mm: number | null;
   /** What it penetrates. */
   into: string | null;
@@ -1394,7 +1394,7 @@ export interface TouchedPartner {
   /** Contact points. */
   n: number;
   force_n: number;
-  /** Of the deepest penetration. */
+  /** Depth of the deepest penetration. */
   depth_mm: number;
 }
 
@@ -1420,15 +1420,15 @@ export interface RefinedAnswer {
   /** The proposed pose itself where nothing scores higher. */
   T: Pose;
   score: ScoreNumbers;
-  /** Of the proposed pose. */
+  /** Score of the proposed pose. */
   before: ScoreNumbers;
   /** Whether it can stand there; grey where no support is known or physics is off. */
   tone: "amber" | "green" | "grey" | "red";
-  /** The same in words. */
+  /** The change in words. */
   words: string;
 }
 
-/** Of `landscape`: the score around a pose along twelve axes. */
+/** Answer to `landscape`: the score around a pose along twelve axes. */
 export interface CurvesAnswer {
   what: "curves";
   T: Pose;
@@ -1459,7 +1459,7 @@ export interface ScoreCurve {
   poses: Pose[];
 }
 
-/** Of `landscape`: the score over two axes. */
+/** Answer to `landscape`: the score over two axes. */
 export interface SliceAnswer {
   what: "slice";
   across: SliceAxis;
@@ -1476,7 +1476,7 @@ export interface SliceAxis {
   offsets: number[];
 }
 
-/** Of `landscape`: what fits as well elsewhere. */
+/** Answer to `landscape`: what fits as well elsewhere. */
 export interface OtherAnswer {
   what: "other";
   other: OtherPose | null;
@@ -1620,7 +1620,7 @@ export interface RecordedPose {
  */
 export interface SequenceAnswer {
   what: "sequence";
-  /** Of the batch; "" = none. */
+  /** Name of the batch; "" = none. */
   run: string;
   scene: number;
   /** All that there are. */
@@ -1651,7 +1651,7 @@ export interface SequenceLane {
 /** What stands out; `[lane, frame, kind]`, both by their places. */
 export type SequenceMark = [lane: number, frame: number, kind: "flip" | "jump" | "lost" | "recovered"];
 
-/** Of `evaluate`: a grasp by a pose and by the ground truth. */
+/** Answer to `evaluate`: a grasp by a pose and by the ground truth. */
 export interface GraspAnswer {
   what: "grasp";
   pose: GraspOutcome;
@@ -1675,9 +1675,9 @@ export interface GraspOutcome {
   stages: string[];
   /** Between the fingers. */
   gap_mm: number[];
-  /** Of both fingers on the object. */
+  /** Force of both fingers on the object. */
   force_n: number[][];
-  /** Of the object since the start. */
+  /** Rise of the object since the start. */
   rise_mm: number[];
   /** What the gripper presses on. */
   touches: string[][];
@@ -1723,7 +1723,7 @@ export interface AnswersMessage {
   first: Record<string, string>;
   orders: GalleryOrder[];
   rows: GalleryRow[];
-  /** Of a watched folder: frames of the open session now. */
+  /** In a watched folder: frames of the open session now. */
   frames?: string[] | null;
 }
 
@@ -1778,7 +1778,7 @@ export interface GalleryRow {
   thumb: boolean;
   /** Whether it has a film. */
   film: boolean;
-  /** Of reports alone, as all below: the group of its run. */
+  /** In reports alone, as all below: the group of its run. */
   group?: string;
   /** Which of two runs is wrong, in words. */
   compared?: string;
@@ -1801,7 +1801,7 @@ export interface ReportMessage {
   /** [run, why]. */
   left_out: [string, string][];
   columns: ReportColumn[];
-  /** Of recall curves [% of the diameter]. */
+  /** Thresholds of recall curves [% of the diameter]. */
   thresholds: number[];
   sections: ReportSection[];
   /** Remedies that were tried on these runs. */
@@ -1841,9 +1841,9 @@ export interface ReportSection {
   n_hard: number;
   /** [setting, value by group]. */
   differing: [string, string[]][];
-  /** Of two runs with ground truth. */
+  /** Difference of two runs with ground truth. */
   change: PairDifference | null;
-  /** Of two runs without. */
+  /** Answers that lie apart, of two runs without ground truth. */
   apart: ApartAnswers[];
   tracks: ReportTrack[];
 }
@@ -1962,7 +1962,7 @@ export interface FrameChange {
   frame: string;
   n: number;
   errors: [number | null, number | null];
-  /** Of A and of B. */
+  /** How many of A and of B are right. */
   right: number[];
 }
 
@@ -1991,7 +1991,7 @@ export interface ReportTrack {
   mm: number | null;
   deg: number | null;
   drift_mm: number | null;
-  /** Of those that flip and jump most. */
+  /** Objects that flip and jump most. */
   moved: TrackMove[];
 }
 
