@@ -194,8 +194,8 @@ class AllowedPoses:
     alike: tuple[AlikePose, ...]
     """Poses apart from the answer by more than a small motion, the one that scores most first."""
     furthest: AlikePose | None
-    """The allowed pose that is furthest from the answer, where it is further than 10 % of the diameter; None where one is
-    better than the answer."""
+    """The allowed pose that is furthest from the answer, where it is further than 10 % of the diameter; None where
+    one is better than the answer."""
     radius_mm: float
     """Half of the model's diameter: what a turn by 1 rad moves a far point by."""
 
