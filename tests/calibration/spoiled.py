@@ -16,7 +16,7 @@ from verefine_viz.core.data_remedies import TO_OPENGL
 from verefine_viz.core.geometry import axis_angle, inverse, transform
 from verefine_viz.core.problem import Instance, Problem
 
-CLUTTER = scene()
+CLUTTER = scene("clutter", "0/0")
 Z_UP = transform(axis_angle(np.array([1.0, 0.0, 0.0]), np.pi / 2), np.zeros(3))
 
 

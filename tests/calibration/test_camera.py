@@ -23,7 +23,7 @@ from verefine_viz.scenes.demo import demo_names
 
 HALF_A_PIXEL = np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
 REAL = ("0/1", "0/5", "49/2365", "50/1", "900/2")
-CLUTTER = scene()
+CLUTTER = scene("clutter", "0/0")
 CAMERA, DEPTH_M = CLUTTER.observation.camera, CLUTTER.observation.depth_m
 FACTORS = (0.75, 0.88, 1.12, 1.3)
 
