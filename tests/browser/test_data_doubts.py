@@ -9,7 +9,7 @@ import pytest
 
 from tests.browser.conftest import Pages, Screen
 from tests.calibration.sizes import scene
-from tests.calibration.test_consistency import with_depth
+from tests.calibration.spoiled import with_depth
 from tests.scenes.without_truth import written_without_truth
 from verefine_viz.page.app import App
 

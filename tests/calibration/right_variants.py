@@ -94,14 +94,14 @@ def of_masks(change: OfMask) -> Variant:
     return variant
 
 
-def grown(px: float) -> Variant:
-    """Masks that are too wide, or too narrow."""
+def grown(px: float) -> OfMask:
+    """A mask that is too wide, or too narrow."""
 
     def change(mask: Mask, rng: np.random.Generator) -> Mask:
         outside = np.asarray(ndimage.distance_transform_edt(~mask))
         return outside - np.asarray(ndimage.distance_transform_edt(mask)) <= px
 
-    return of_masks(change)
+    return change
 
 
 def boxed(mask: Mask, rng: np.random.Generator) -> Mask:
@@ -118,15 +118,19 @@ def stray(mask: Mask, rng: np.random.Generator) -> Mask:
     return mask | (rng.random(mask.shape) < 2e-4)
 
 
-def rough(mask: Mask, rng: np.random.Generator) -> Mask:
-    """A mask whose border wanders by some 4 px."""
-    waves = ndimage.gaussian_filter(rng.normal(size=mask.shape), 8)
-    outside = np.asarray(ndimage.distance_transform_edt(~mask)) - np.asarray(ndimage.distance_transform_edt(mask))
-    return outside <= 4 * waves / waves.std()
+def rough_by(px: float) -> OfMask:
+    """A mask whose border wanders by some pixels."""
+
+    def change(mask: Mask, rng: np.random.Generator) -> Mask:
+        waves = ndimage.gaussian_filter(rng.normal(size=mask.shape), 8)
+        outside = np.asarray(ndimage.distance_transform_edt(~mask)) - np.asarray(ndimage.distance_transform_edt(mask))
+        return outside <= px * waves / waves.std()
+
+    return change
 
 
-def cut(share: float) -> Variant:
-    """A part of each mask is missing, on one side."""
+def cut_off(share: float) -> OfMask:
+    """A part of a mask is missing, on one side."""
 
     def change(mask: Mask, rng: np.random.Generator) -> Mask:
         v, u = np.nonzero(mask)
@@ -138,7 +142,7 @@ def cut(share: float) -> Variant:
         left[v[off], u[off]] = False
         return left
 
-    return of_masks(change)
+    return change
 
 
 def window(p: Problem, box: Window) -> Problem:
@@ -272,12 +276,12 @@ RIGHT: dict[str, Variant] = {
     "mixed pixels": of_depth(mixed),
     "nothing beyond 1 m": of_depth(lambda d, rng: np.where(d > 1.0, 0, d)),
     "1 % longer": of_depth(lambda d, rng: 1.01 * d),
-    **{f"masks grown by {px:g} px": grown(px) for px in (-3, -1, 2, 4)},
+    **{f"masks grown by {px:g} px": of_masks(grown(px)) for px in (-3, -1, 2, 4)},
     "masks are boxes": of_masks(boxed),
-    "masks rough": of_masks(rough),
+    "masks rough": of_masks(rough_by(4)),
     "masks with stray pixels": of_masks(stray),
-    "a fifth of each mask missing": cut(0.2),
-    "half of each mask missing": cut(0.5),
+    "a fifth of each mask missing": of_masks(cut_off(0.2)),
+    "half of each mask missing": of_masks(cut_off(0.5)),
     "middle of the image, 70 %": middle(0.7),
     "middle of the image, 40 %": middle(0.4),
     "middle, 1 mm steps": lambda p, rng: steps(1e-3)(middle(0.3)(p, rng), rng),

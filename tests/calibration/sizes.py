@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -66,12 +65,6 @@ def with_focal(camera: Camera, factor: float) -> Camera:
 def of_problem(problem: Problem, focal: float = 1.0) -> CameraVerdict:
     observation = problem.observation
     return verdict(objects(problem), with_focal(observation.camera, focal), observation.depth_m)
-
-
-def fitting(said: CameraVerdict) -> float:
-    """The factor that a verdict advises."""
-    found = re.search(r"about ([0-9.]+) times as much would fit", said.advice)
-    return float(found[1])
 
 
 def written(folder: Path, problems: Sequence[Problem], focal: float = 1.0, depth: float = 1.0) -> Path:

@@ -9,7 +9,7 @@ from verefine_viz.core.geometry import transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.grasping import grasp_trial
 from verefine_viz.grasping.grasp_poses import sampled
-from verefine_viz.grasping.grasp_trial import Body, GraspPath, GraspWorld
+from verefine_viz.grasping.grasp_trial import LIFT_M, Body, GraspPath, GraspWorld
 from verefine_viz.grasping.gripper import TIP_M
 from verefine_viz.physics.colliders import build
 from verefine_viz.scenes.demo_models import demo_model
@@ -39,7 +39,7 @@ def test_block_is_lifted_and_stays_between_the_fingers(block: ObjectModel) -> No
     path = _tried(block)
     rise_m = path.Ts_world_obj[0][-1, 2, 3] - path.Ts_world_obj[0][0, 2, 3]
     assert path.verdict == "success"
-    assert rise_m == pytest.approx(SETTINGS.lift_m, abs=0.005)
+    assert rise_m == pytest.approx(LIFT_M, abs=0.005)
     assert path.gaps_m[-1] == pytest.approx(0.045, abs=0.002)
 
 

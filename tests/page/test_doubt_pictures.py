@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from tests.calibration.sizes import scene
-from tests.calibration.test_consistency import with_depth
-from tests.calibration.test_corrected_data import SPOILED
+from tests.calibration.spoiled import SPOILED, with_depth
 from verefine_viz.calibration.consistency import data_doubts
 from verefine_viz.calibration.corrected_data import corrected
 from verefine_viz.calibration.edges import depth_edges

@@ -203,7 +203,7 @@ def dragged(shown: Shown, T: np.ndarray) -> None:
         "type": "TransformControlsUpdateMessage", "name": "/cam/gizmo", "owner": shown.server.scene._owner_id,
         "wxyz": tuple(float(x) for x in quat_wxyz(T[:3, :3])), "position": tuple(float(x) for x in T[:3, 3]),
     }  # fmt: skip
-    with client(f"http://127.0.0.1:{shown.server.get_port()}") as fake:
+    with client(shown.server.address) as fake:
         n = len(shown.sent)
         fake.send(
             {"type": "TransformControlsDragStartMessage", "name": "/cam/gizmo", "owner": shown.server.scene._owner_id}

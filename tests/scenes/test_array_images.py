@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import verefine_viz as vv
-from tests.scenes.bop_folder import Made, make, refusal
+from tests.scenes.bop_folder import Made, refusal
 from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_layouts import problem_at
 from tests.scenes.test_trace import SHAPE, K, picture, pose, problem_of, write_box, write_trace
@@ -82,9 +82,8 @@ def test_a_sequence_of_arrays_is_that_of_images(tmp_path: Path, unit: float) -> 
     assert any("depth in metres" in note for note in problem.notes) == (unit == 1.0)
 
 
-def test_a_bop_folder_of_arrays_is_that_of_images(tmp_path: Path) -> None:
+def test_a_bop_folder_of_arrays_is_that_of_images(made: Made) -> None:
     """Depth counts in the steps that scene_camera.json states, as of images."""
-    made = make(tmp_path)
     expected = made.read()
     for kind, dtype in (("depth", np.float64), ("mask_visib", np.bool_)):
         for path in [*(made.scene / kind).iterdir()]:
@@ -103,8 +102,7 @@ def label_image(made: Made, gt_id: int) -> None:
     Image.fromarray(values).save(made.scene / f"mask_visib/000003_{gt_id:06d}.png")
 
 
-def test_labels_of_several_objects_are_no_mask(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_labels_of_several_objects_are_no_mask(made: Made) -> None:
     label_image(made, 1)
     problem = made.read()
     assert [instance.instance_id for instance in problem.instances] == [0, 2]
@@ -153,8 +151,7 @@ def test_arrays_of_labels_are_refused_by_the_library_and_named_in_a_trace(tmp_pa
     assert np.array_equal(problem_of(tmp_path / "right").instances[0].mask, MASK)
 
 
-def test_exr_images_say_what_to_do(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_exr_images_say_what_to_do(made: Made) -> None:
     (path,) = (made.scene / "depth").iterdir()
     path.rename(path.with_suffix(".exr"))
     assert "000003.exr: EXR is not read; save its values by numpy.save as 000003.npy" in refusal(made)

@@ -11,15 +11,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.scenes.bop_folder import OBJ_IDS, box_ply, detections, make
-from verefine_viz.calibration.consistency import data_doubts
+from tests.scenes.bop_folder import OBJ_IDS, Made, box_ply, detections, make
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.scenes.bop import BopDataset
 
 
-def test_a_plain_folder_gives_back_what_went_into_it(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_a_plain_folder_gives_back_what_went_into_it(made: Made, tmp_path: Path) -> None:
     problem, truth = made.read(), made.problem
     assert problem.frame == "7/3"
     assert problem.title == f"{tmp_path.name} test"
@@ -50,8 +48,7 @@ def test_colour_and_grey_images_of_any_format_and_any_folder_of_models(
     assert np.abs(rgb.astype(int) - 128).max() <= 1
 
 
-def test_float_depth_images_are_read(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_float_depth_images_are_read(made: Made) -> None:
     want = made.problem.observation.depth_m
     (made.scene / "depth" / "000003.png").unlink()
     Image.fromarray((want * 1e4).astype(np.float32)).save(made.scene / "depth" / "000003.tif")
@@ -66,8 +63,7 @@ def test_the_photo_is_there_before_anything_is_prepared(tmp_path: Path) -> None:
     assert events[1] == "prepared"
 
 
-def test_each_image_has_its_own_camera(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_each_image_has_its_own_camera(made: Made) -> None:
     for kind in ("depth", "rgb"):
         Image.open(made.scene / kind / "000003.png").save(made.scene / kind / "000012.png")
     for k in range(3):
@@ -84,16 +80,14 @@ def test_each_image_has_its_own_camera(tmp_path: Path) -> None:
     np.testing.assert_allclose(second.depth_m, 2 * first.depth_m, rtol=1e-6)
 
 
-def test_world_gravity_of_a_scene_that_never_knows_it_is_refused(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_world_gravity_of_a_scene_that_never_knows_it_is_refused(made: Made) -> None:
     assert BopDataset(made.root, "test").image(7, 3).R_world_cam is None
     observation = made.read(gravity="world").observation
     assert observation.support is None
     assert 'gravity = "world" needs the camera\'s rotation (cam_R_w2c)' in observation.support_note
 
 
-def test_targets_that_are_not_on_the_disk_are_left_out_with_a_note(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_targets_that_are_not_on_the_disk_are_left_out_with_a_note(made: Made) -> None:
     more = {"scene_id": 99, "im_id": 1, "obj_id": 2, "inst_count": 1}
     made.edit("../../test_targets_bop19.json", lambda c: c.append(more))
     source = made.open()
@@ -107,8 +101,7 @@ def test_targets_of_the_test_split_do_not_bind_another_split(tmp_path: Path) -> 
     assert made.open(split="train_real").frames == ("7/3",)
 
 
-def test_named_frames_keep_their_order_and_occur_once_with_a_note(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_named_frames_keep_their_order_and_occur_once_with_a_note(made: Made) -> None:
     made.edit("scene_camera.json", lambda c: c.update({"10": c["3"]}))
     source = made.open(frames=("7/10", "7/3", "007/000010"))
     assert source.frames == ("7/10", "7/3")
@@ -127,15 +120,13 @@ def test_all_frames_means_frames_that_hold_a_selected_object(tmp_path: Path) -> 
     assert made.open(objects=(2,)).frames == ("7/3", "7/4")
 
 
-def test_either_mask_folder_can_be_used(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_either_mask_folder_can_be_used(made: Made) -> None:
     Image.fromarray(np.full((60, 80), 255, np.uint8)).save(made.scene / "mask" / "000003_000001.png")
     assert made.read(masks="mask").instances[1].mask.all()
     assert not made.read(masks="mask_visib").instances[1].mask.all()
 
 
-def test_names_come_from_a_file_in_either_direction(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_names_come_from_a_file_in_either_direction(made: Made, tmp_path: Path) -> None:
     assert made.read().models[5].name == "obj_000005"
     (tmp_path / "models" / "obj_names.json").write_text('{"5": "mug"}')
     assert made.read().models[5].name == "mug"
@@ -143,8 +134,7 @@ def test_names_come_from_a_file_in_either_direction(tmp_path: Path) -> None:
     assert made.read().models[5].name == "cup"
 
 
-def test_a_metre_mesh_is_recognised_and_said(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_a_metre_mesh_is_recognised_and_said(made: Made, tmp_path: Path) -> None:
     (tmp_path / "models" / "obj_000005.ply").write_text(box_ply(made.problem, unit_m=1.0))
     problem = made.read()
     np.testing.assert_allclose(problem.models[5].vertices, made.problem.models[1].vertices, atol=1e-9)
@@ -152,22 +142,14 @@ def test_a_metre_mesh_is_recognised_and_said(tmp_path: Path) -> None:
     assert "its unit was taken to be metres" in problem.notes[0]
 
 
-def test_a_mesh_of_another_size_is_said(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_a_mesh_of_another_size_is_said(made: Made) -> None:
     made.edit("../../models/models_info.json", lambda c: c["5"].update(diameter=300.0))
     notes = made.read().notes
     assert len(notes) == 1
     assert "141.4 mm across, models_info.json says 300 mm; one of them is wrong" in notes[0]
 
 
-def test_a_wrong_depth_scale_is_noticed(tmp_path: Path) -> None:
-    made = make(tmp_path)
-    made.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=1.0))
-    assert any("depth that is 10 times smaller would fit" in doubt.text for doubt in data_doubts(made.read()))
-
-
-def test_missing_scene_gt_points_to_detections(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_missing_scene_gt_points_to_detections(made: Made, tmp_path: Path) -> None:
     (made.scene / "scene_gt.json").unlink()
     (tmp_path / "detections_x-test.json").write_text(json.dumps(detections(made)))
     with pytest.raises(InputError, match=r"no scene_gt.*detections_x-test\.json"):
@@ -178,8 +160,7 @@ def test_missing_scene_gt_points_to_detections(tmp_path: Path) -> None:
     assert sum("no ground truth to disturb" in note for note in problem.notes) == 3
 
 
-def test_packed_detections_in_any_order_get_their_own_ground_truth(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_packed_detections_in_any_order_get_their_own_ground_truth(made: Made, tmp_path: Path) -> None:
     entries = detections(made, "string")
     for entry, score in zip(entries, (0.1, 0.2, 0.3), strict=True):
         entry["score"] = score
@@ -190,8 +171,7 @@ def test_packed_detections_in_any_order_get_their_own_ground_truth(tmp_path: Pat
         np.testing.assert_allclose(got.T_cam_obj_gt, made.problem.instances[k].T_cam_obj_gt, atol=1e-12)
 
 
-def test_box_only_detections_are_left_out_with_a_note(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_box_only_detections_are_left_out_with_a_note(made: Made, tmp_path: Path) -> None:
     entries = detections(made)
     entries[1]["segmentation"] = {}
     del entries[2]["segmentation"]
@@ -202,8 +182,7 @@ def test_box_only_detections_are_left_out_with_a_note(tmp_path: Path) -> None:
     assert any("obj_000005 is in the ground truth but was not detected" in note for note in problem.notes)
 
 
-def test_only_as_many_detections_as_objects_are_kept(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_only_as_many_detections_as_objects_are_kept(made: Made, tmp_path: Path) -> None:
     entries = detections(made)
     stray = {**entries[1], "score": 0.05}
     (tmp_path / "det.json").write_text(json.dumps([stray, *entries]))

@@ -105,8 +105,7 @@ def test_the_sensor_with_ground_truth_and_depth_is_preferred(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("encoding", ["list", "string"])
-def test_masks_come_from_coco_annotations(tmp_path: Path, encoding: str) -> None:
-    made = make(tmp_path)
+def test_masks_come_from_coco_annotations(made: Made, tmp_path: Path, encoding: str) -> None:
     masks_to_coco(made, encoding)
     source = opened(tmp_path)
     assert any("masks come from scene_gt_coco.json" in note for note in source.notes)
@@ -114,8 +113,7 @@ def test_masks_come_from_coco_annotations(tmp_path: Path, encoding: str) -> None
     assert "mask" in refusal(made, masks="mask")  # The full silhouettes are not in it.
 
 
-def test_instances_without_visible_pixels_shift_no_mask(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_instances_without_visible_pixels_shift_no_mask(made: Made) -> None:
     made.edit("scene_gt_info.json", lambda c: c["3"][0].update(visib_fract=0))
     masks_to_coco(made, "string", (1, 2))
     for k in range(2):
@@ -124,15 +122,13 @@ def test_instances_without_visible_pixels_shift_no_mask(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("order", [(1, 0), (0, 2, 1), (2,)])
-def test_without_visible_shares_masks_go_to_the_poses_in_their_boxes(tmp_path: Path, order: tuple[int, ...]) -> None:
-    made = make(tmp_path)
+def test_without_visible_shares_masks_go_to_the_poses_in_their_boxes(made: Made, order: tuple[int, ...]) -> None:
     (made.scene / "scene_gt_info.json").unlink()
     masks_to_coco(made, "list", order)
     assert masks_are(made.read(), made, *sorted(order))
 
 
-def test_a_mask_that_is_missing_or_damaged_leaves_its_instance_out(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_a_mask_that_is_missing_or_damaged_leaves_its_instance_out(made: Made) -> None:
     masks_to_coco(made, "list")
     made.edit(
         "scene_gt_coco.json", lambda c: c["annotations"][1].update(segmentation={"size": [60, 80], "counts": [9]})
@@ -148,8 +144,7 @@ def test_a_mask_that_is_missing_or_damaged_leaves_its_instance_out(tmp_path: Pat
     assert "scene_gt_coco.json has no mask of entry 0 of image 3" in refusal(made)
 
 
-def test_the_split_with_ground_truth_opens_and_the_others_are_named(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_the_split_with_ground_truth_opens_and_the_others_are_named(made: Made, tmp_path: Path) -> None:
     for split in ("val", "train_pbr", "onboarding"):
         shutil.copytree(tmp_path / "test", tmp_path / split)
     order = ["test", "train_pbr", "val", "onboarding"]
@@ -207,8 +202,7 @@ def test_what_lies_beside_a_missing_file_is_named(tmp_path: Path) -> None:
         assert words in refused(made.root)
 
 
-def test_what_lies_beside_a_missing_mask_model_or_colour_is_noted(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_what_lies_beside_a_missing_mask_model_or_colour_is_noted(made: Made) -> None:
     renamed("rgb/000003.png", "rgb/3.png")(made)
     renamed("mask_visib/000003_000000.png", "mask_visib/3_0.png")(made)
     renamed("../../models/obj_000005.ply", "../../models/5.ply")(made)
@@ -218,8 +212,7 @@ def test_what_lies_beside_a_missing_mask_model_or_colour_is_noted(tmp_path: Path
         assert any(words in note for note in problem.notes), (words, problem.notes)
 
 
-def test_nothing_is_named_that_is_not_like_it(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_nothing_is_named_that_is_not_like_it(made: Made) -> None:
     (made.scene / "depth/000003.png").rename(made.scene / "depth/000013.png")
     assert "there is" not in refusal(made)
     (made.scene / "scene_gt.json").unlink()  # scene_gt_info.json is another file.

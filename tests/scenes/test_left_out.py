@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.scenes.bop_folder import Made, cut, detections, image, make
+from tests.scenes.bop_folder import Made, cut, detections, image
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.source import open_scene
-
-
-@pytest.fixture
-def made(tmp_path: Path) -> Made:
-    return make(tmp_path)
 
 
 def facts(left_out: tuple[LeftOut, ...]) -> list[tuple[int | None, int, bool, float | None]]:

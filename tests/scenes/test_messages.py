@@ -59,14 +59,11 @@ FRAMES: tuple[tuple[Spoil, str], ...] = (
     (camera(cam_K=[1] * 8), "image 3: Expected 9 numbers, got 8 (at $.cam_K)"),
     (camera(cam_K=[90, 0, 0, 0, 90, 0, 40, 30, 1]), "it looks written column by column: write it row by row"),
     (camera(cam_K=[1e99, 0, 40, 0, 90, 30, 0, 0, 1]), "cam_K has focal lengths 1e+99, 90; expected positive pixels"),
-    (camera(cam_K=[90, 0, 40, 0, 90, -1e30, 0, 0, 1]), "cam_K has the principal point 40, -1e+30; expected pixels"),
-    (camera(cam_K=[90, 1e30, 40, 0, 90, 30, 0, 0, 1]), "cam_K has a skew of 1e+30, 0; expected pixels"),
     (camera(depth_scale=0), "image 3: Expected `float` >= 1e-06 (at $.depth_scale)"),
     (lambda m: shutil.rmtree(m.scene / "mask_visib"), "mask_visib is missing; set scene.masks to 'mask'"),
 )  # fmt: skip
 OBJECTS: tuple[tuple[Spoil, str], ...] = (
     (lambda m: image(m, MASK, np.full((64, 48), 255, np.uint8)), "is 48×64 pixels, expected 80×60 as the depth image"),
-    (lambda m: image(m, MASK, np.zeros((60, 80), np.uint8)), "obj_000005 (#1) is left out: its mask is empty"),
     (lambda m: cut(m.root / "models/obj_000005.ply", 0.9), "of 12 faces; fetch it again"),
     (
         lambda m: (m.root / "models/obj_000005.ply").write_text(box_ply(m.problem).replace("3 0 1 3", "3 0 1 99", 1)),
@@ -84,7 +81,6 @@ NOTED: tuple[tuple[Spoil, str], ...] = (
     (truth(cam_t_m2c=[0, 0, 1e30]), "'cam_t_m2c' is 1e+27 m away, expected at most 100 m; is it in millimetres?"),
     (edited("scene_gt.json", lambda c: c["3"][1].pop("cam_R_m2c")), "entry 1 has no 'cam_R_m2c'"),
     (truth(cam_t_m2c=[float("nan"), 0, 1]), "image 3, entry 1: 'cam_t_m2c': Expected finite numbers"),
-    (truth(cam_t_m2c=None), "entry 1 has no 'cam_R_m2c' or no 'cam_t_m2c'"),
     (truth(cam_R_m2c=[1] * 8), "image 3, entry 1: 'cam_R_m2c': Expected 9 numbers, got 8"),
 )
 FRAME_NOTED: tuple[tuple[Spoil, str], ...] = (
@@ -98,15 +94,14 @@ SOURCE_NOTED: tuple[tuple[Spoil, str], ...] = (
     (edited("scene_camera.json", lambda c: c.update(left=1)), "'left' is no image, expected its number"),
     (edited("scene_gt.json", lambda c: c.update(left=1)), "'left' is no image, expected its number"),
     (edited("scene_gt.json", lambda c: c["3"][1].pop("obj_id")), "image 3, entry 1: 'obj_id' is None, expected the nu"),
-    (edited("scene_gt.json", lambda c: c["3"][1].update(obj_id="mug")), "image 3, entry 1: 'obj_id' is 'mug'"),
-    (truth(cam_t_m2c=[float("nan"), 0, 1]), "1 entry of the ground truth of 4/test cannot be used and is left out: "),
+    (truth(cam_t_m2c=[float("nan"), 0, 1]), "1 entry of the ground truth of 3/test cannot be used and is left out: "),
     (written("../../models/obj_names.json", '{"a": "b", "5": "mug"}'), "'a': 'b' does not name an object id"),
     (edited("../../models/models_info.json", lambda c: c.update(mug={})), "'mug' is no object, expected its number"),
     (edited("scene_gt_info.json", lambda c: c["3"][1].update(visib_fract="all")), ""),
     (lambda m: shutil.copytree(m.scene, m.scene.with_name("000008")) / "scene_camera.json", ""),
     (
         lambda m: (shutil.copytree(m.scene, m.scene.with_name("000008")) / "scene_camera.json").write_text("{"),
-        "1 scene of 9/test cannot be used and is left out: ",
+        "1 scene of 8/test cannot be used and is left out: ",
     ),
 )
 """What a data set does without: said once, when it is opened."""
@@ -171,20 +166,11 @@ def test_one_bad_frame_does_not_close_a_data_set_in_which_objects_are_chosen(tmp
     assert sum("image 3: Expected `array`, got `str`" in note for note in source.notes) == 1
 
 
-def test_a_principal_point_outside_of_the_image_is_noted(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_a_principal_point_outside_of_the_image_is_noted(made: Made) -> None:
     for cx, cy, is_noted in ((-1, 30, True), (80, 30, True), (40, 60, True), (0, 0, False), (79, 59, False)):
         camera(cam_K=[90, 0, cx, 0, 90, cy, 0, 0, 1])(made)
         said = f"cx, cy of cam_K are {cx}, {cy} px, outside of the image of 80×60 px"
         assert any(said in note for note in made.read().notes) == is_noted
-
-
-def test_a_camera_that_none_has_is_refused_where_results_are_scored(tmp_path: Path) -> None:
-    made, results = make(tmp_path / "boxes"), tmp_path / "r.csv"
-    camera(cam_K=[1e99, 0, 40, 0, 90, 30, 0, 0, 1])(made)
-    results.write_text(f"7,3,5,1,{POSE},-1\n")
-    with pytest.raises(InputError, match="focal lengths 1e"):
-        evaluate_files([results], made.root)
 
 
 def test_trouble_with_detections(tmp_path: Path) -> None:
@@ -220,8 +206,7 @@ def test_trouble_with_detections(tmp_path: Path) -> None:
     assert coco in refusal(made, masks=str(file))
 
 
-def test_an_empty_frame_says_that_it_is_empty(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_an_empty_frame_says_that_it_is_empty(made: Made) -> None:
     made.edit("scene_gt.json", lambda c: c.update({"3": []}))
     assert refusal(made) == "frame 7/3 is empty: its ground truth (scene_gt.json) lists no object"
 
@@ -288,8 +273,7 @@ def test_a_folder_near_the_data_set_is_led_to_it(tmp_path: Path) -> None:
         assert refusal(made).endswith(f"; the data set is {tmp_path}/yc: set scene.dataset to it")
 
 
-def test_objects_that_no_chosen_frame_holds_are_named(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_objects_that_no_chosen_frame_holds_are_named(made: Made) -> None:
     made.edit("scene_gt.json", lambda c: [e.update(obj_id=2) for e in c["3"]])
     there = "holds object 5 of scene.objects; objects there: 2 (obj_000002)"
     assert refusal(made, objects=(5,), frames=("7/3",)) == f"none of the chosen frames (7/3) {there}"
@@ -297,8 +281,7 @@ def test_objects_that_no_chosen_frame_holds_are_named(tmp_path: Path) -> None:
     assert made.open(objects=(5, 2)).notes[-1] == "no chosen frame holds object 5 (obj_000005) of scene.objects"
 
 
-def test_two_of_one_number_are_refused(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_two_of_one_number_are_refused(made: Made) -> None:
     shutil.copytree(made.scene, made.scene.with_name("8"))
     shutil.copytree(made.scene, made.scene.with_name("7"))
     assert "000007 and 7 are both scene 7; rename or remove one of them" in refusal(made, frames=("7/3",))

@@ -13,9 +13,8 @@ from msgspec import structs
 from tests.scenes.bop_folder import Made, make
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import rotation_of_quat_wxyz, transform
-from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.core.settings import HypothesesSettings
 from verefine_viz.scenes.results_csv import HEADER, ResultRow, method_of, read_results, write_results
-from verefine_viz.scenes.source import open_scene
 
 poses = st.builds(
     lambda q, t: transform(rotation_of_quat_wxyz(q), t),
@@ -84,8 +83,7 @@ def line(obj_id: int, score: float, T: np.ndarray) -> str:
     return f"7,3,{obj_id},{score},{R},{t},-1"
 
 
-def test_each_row_goes_to_the_instance_it_overlaps(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_each_row_goes_to_the_instance_it_overlaps(made: Made, tmp_path: Path) -> None:
     left, middle, right = made.truth
     shift = transform(np.eye(3), [0.01, 0, 0])
     lines = [line(2, 0.9, right), line(2, 0.8, left), line(2, 0.7, shift @ left), line(5, 0.6, middle)]
@@ -96,15 +94,13 @@ def test_each_row_goes_to_the_instance_it_overlaps(tmp_path: Path) -> None:
     assert problem.notes == ()
 
 
-def test_a_row_beside_all_masks_goes_to_the_nearest(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_a_row_beside_all_masks_goes_to_the_nearest(made: Made, tmp_path: Path) -> None:
     aside = transform(np.eye(3), [0, -0.2, 0]) @ made.truth[2]
     problem = made.read(results(tmp_path, line(2, 1.0, aside)))
     assert [len(i.hypotheses) for i in problem.instances] == [0, 0, 1]
 
 
-def test_files_take_turns_and_none_is_starved(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_files_take_turns_and_none_is_starved(made: Made, tmp_path: Path) -> None:
     T = made.truth[1]
     apart = [transform(np.eye(3), [0.001 * k, 0, 0]) @ T for k in range(4)]
     lines = [line(5, score, X) for score, X in zip((0.5, 0.9, 0.7, 0.6), apart, strict=True)]
@@ -119,8 +115,7 @@ def test_files_take_turns_and_none_is_starved(tmp_path: Path) -> None:
     assert pools[3] == pools[9][:3]
 
 
-def test_a_pose_that_is_there_twice_is_tried_once(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_a_pose_that_is_there_twice_is_tried_once(made: Made, tmp_path: Path) -> None:
     other, T, _ = made.truth
     moved = transform(np.eye(3), [0.001, 0, 0]) @ T
     rows = [line(5, 0.9, T), line(5, 0.8, moved), line(2, 0.7, other)]
@@ -129,8 +124,7 @@ def test_a_pose_that_is_there_twice_is_tried_once(tmp_path: Path) -> None:
     assert [[x.confidence for x in i.hypotheses] for i in made.read(h).instances] == [[0.7], [0.9, 0.8], []]
 
 
-def test_translations_that_look_like_metres_are_noted(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_translations_that_look_like_metres_are_noted(made: Made, tmp_path: Path) -> None:
     in_metres = [transform(T[:3, :3], 1e-3 * T[:3, 3]) for T in made.truth]
     rows = [line(k, 0.9, T) for k, T in zip((2, 5, 2), in_metres, strict=True)]
     source = made.open(results(tmp_path, *rows))
@@ -157,8 +151,7 @@ def test_rows_that_are_all_of_something_else_are_refused_before_a_frame_is_read(
         made.open(results_file(tmp_path, "7,3,2"), objects=(5,)).check_initial_poses()
 
 
-def test_a_file_that_covers_nothing_beside_one_that_does_is_named(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_a_file_that_covers_nothing_beside_one_that_does_is_named(made: Made, tmp_path: Path) -> None:
     foreign, ours = results_file(tmp_path, "8,3,2", "other_x-test.csv"), results_file(tmp_path, "7,3,5")
     both = structs.replace(ours, files=(*foreign.files, *ours.files))
     (note,) = made.open(both).check_initial_poses()
@@ -171,25 +164,11 @@ def test_an_estimator_may_look_for_what_the_file_does_not_have(tmp_path: Path) -
     assert make(tmp_path).open(rows).check_initial_poses() == ()
 
 
-def test_rows_of_another_scene_cannot_start_a_demo(tmp_path: Path) -> None:
-    demo = SceneSettings(demo="mug")
-    open_scene(demo, results_file(tmp_path, "0,0,1")).check_initial_poses()
-    with pytest.raises(InputError, match=r"the frames need 1, the rows are of 2;"):
-        open_scene(demo, results_file(tmp_path, "0,0,2")).check_initial_poses()
-
-
-def test_an_instance_without_rows_says_so(tmp_path: Path) -> None:
-    made = make(tmp_path)
-    notes = made.read(results(tmp_path, line(2, 1.0, made.truth[1]))).notes
-    assert any("obj_000005 (#1) has no hypothesis: no row for object 5 of this frame in est" in note for note in notes)
-
-
 def notes_of(made: Made, *lines: str) -> list[str]:
     return [note for note in made.read(results(made.root, *lines)).notes if "#" in note]
 
 
-def test_an_instance_whose_rows_another_one_took_says_which(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_an_instance_whose_rows_another_one_took_says_which(made: Made) -> None:
     left, middle, _ = made.truth
     rows = [line(2, 0.9, transform(np.eye(3), [x, 0, 0]) @ left) for x in (0.0, 0.01)]
     for n, what in ((1, "the only row"), (2, "all 2 rows")):
@@ -197,8 +176,7 @@ def test_an_instance_whose_rows_another_one_took_says_which(tmp_path: Path) -> N
         assert f"{what} for object 2 of this frame in est went to #0, whose mask fits better" in note
 
 
-def test_estimates_far_from_their_depth_are_named(tmp_path: Path) -> None:
-    made = make(tmp_path)
+def test_estimates_far_from_their_depth_are_named(made: Made) -> None:
     left, middle, right = made.truth
     depth_m = float(np.median(made.problem.instances[1].points_cam[:, 2]))
     near = [line(2, 0.9, left), line(2, 0.8, right)]

@@ -245,14 +245,6 @@ def test_a_second_trace_in_a_folder_gets_a_name_of_its_own(tmp_path: Path) -> No
     assert len(problem.instances[0].recorded) == 7
 
 
-def test_a_colour_image_that_cannot_be_read_costs_its_colours_only(tmp_path: Path) -> None:
-    write_trace(tmp_path / "trace", write_box(tmp_path / "box.obj"))
-    (tmp_path / "trace" / "rgb.npy").write_bytes(b"\x93NUMPY")
-    problem = problem_of(tmp_path / "trace")
-    assert len(problem.instances) == 1
-    assert sum("rgb.npy" in note and "drawn without colour" in note for note in problem.notes) == 1
-
-
 def test_half_a_line_and_a_damaged_one_are_left_out(tmp_path: Path) -> None:
     write_trace(tmp_path / "t", write_box(tmp_path / "box.obj"))
     calls = tmp_path / "t" / "calls.jsonl"

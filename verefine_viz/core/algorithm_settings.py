@@ -46,7 +46,7 @@ class TricpSettings(Settings, frozen=True):
     energy_ratio: Share = 0.99
     """A pass that leaves more than this share of the energy before is the last."""
     max_passes: Count = 50
-    """Most passes of a call."""
+    """Most passes of a call, a bound on its time; PCL has none."""
     explained_m: LengthOrNone = 0.008
     """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""
 
@@ -93,14 +93,6 @@ class PpfSettings(Settings, frozen=True):
     """Most model pairs of a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
     reference_every: Count = 5
     """Every n-th scene point is a reference."""
-    turn_bins: Annotated[int, Meta(ge=12, le=360)] = 36
-    """Bins of the turn about the reference's normal, 360° together."""
-    peaks: Annotated[int, Meta(ge=1, le=100)] = 4
-    """Most poses that a reference proposes."""
-    cluster_share: Share = 0.1
-    """Poses nearer than this share of the diameter, and …"""
-    cluster_deg: Annotated[float, Meta(gt=0, lt=180)] = 18.0
-    """… turned by less than this are one hypothesis [deg]."""
     candidates: Count = 60
     """Clusters with most votes that are ranked by their agreement with the depth image."""
     tolerance: Annotated[float, Meta(gt=0, lt=0.5)] = 0.03
@@ -113,26 +105,24 @@ class PcsSettings(Settings, frozen=True):
     """Congruent point sets (Super4PCS). docs/methods.md 3.2."""
 
     delta_m: Annotated[float, Meta(ge=5e-4, le=1)] = 0.0035
-    """δ, distance within which two points correspond [m]; pairs, quads and fits may differ by 2δ."""
+    """δ, distance within which two points correspond [m]; pairs, quads and fits may differ by 2δ. Larger for a
+    noisier sensor."""
     grid_m: Annotated[float, Meta(ge=5e-4, le=1)] = 0.005
-    """Side of the grid that thins segment and model [m]."""
+    """Side of the grid that thins segment and model [m]; finer for small objects."""
     part_share: Annotated[float, Meta(ge=0, lt=1)] = 0.1
     """Parts of the segment that stand alone and hold less than this share of its points are left out: a mask that leaks
     leaves such. 0 keeps all (published code)."""
     samples: Annotated[int, Meta(ge=1, le=2000)] = 300
-    """Points of the model, spread evenly, of which those that lie on the segment are counted."""
+    """Points of the model, spread evenly, of which those that lie on the segment are counted; more tell similar poses
+    better apart, and take longer."""
     spacing_m: LengthOrNone = 0.014
     """Points that are at least so far apart make up the quads [m]; the number of quads grows with the fourth
     power of the number of points. 0 takes all (published code)."""
     bases: LargeCount = 100
     """Bases tried; the published code goes on for 1 s, so that its results depend on the machine."""
-    quads: LargeCount = 1000
-    """Most quads of a base that are tried, a random choice."""
     keep_share: Annotated[float, Meta(gt=0, le=1)] = 0.7
     """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, and then the middle of a
     cluster is often none of the good poses."""
-    bins: Count = 2000
-    """Most bins, the best ones, that go into the clusters."""
     seed: Seed = 0
     """Seeds bases, quads and clusters."""
 
@@ -145,7 +135,7 @@ class MctsSettings(Settings, frozen=True):
     seconds: Annotated[float, Meta(gt=0, le=86_400)] | None = None
     """Budget in computing time per cluster instead [s]; results then depend on the machine."""
     exploration_px: Weight = 5000.0
-    """α, weight of the exploration term [px]."""
+    """α, weight of the exploration term [px]. The cost counts pixels: larger for images of more pixels."""
     explained_m: Length = 0.010
     """A pixel whose observed and rendered depth differ by more than this adds 1 to the cost [m]."""
     trim: Annotated[float, Meta(gt=0, le=1)] = 1.0
@@ -173,14 +163,8 @@ class DependencySettings(Settings, frozen=True):
     """Pairs of instances between which no edge is to count."""
     contact_m: Length = 0.015
     """Visible clouds nearer than this may touch [m]."""
-    border_px: Annotated[int, Meta(ge=1, le=100)] = 3
-    """Width of the common border of two masks [px]."""
     occlusion_m: Length = 0.010
     """Along the common border the nearer object hides the other if it is nearer by more than this [m]."""
-    footprint_share: Share = 0.1
-    """An object lies over another if more than this share of its footprint does."""
-    base_m: Length = 0.020
-    """An object whose lowest visible point is lower than this over the plane stands on it [m]."""
 
 
 class GraspSettings(Settings, frozen=True):
@@ -193,25 +177,17 @@ class GraspSettings(Settings, frozen=True):
     """Folder of annotated grasps, .npy files of 4×4 transforms [m] in the object's frame, one per object, named after
     it ("011_banana.npy", "obj_000010.npy"), relative to the session file; "" = grasps sampled on the mesh."""
     samples: Annotated[int, Meta(ge=1, le=1000)] = 64
-    """Grasps that are sampled on the mesh of an object without annotated ones."""
+    """Grasps that are sampled on the mesh of an object without annotated ones; more where few of them are free."""
     seed: Seed = 0
     """Seeds the sampled grasps."""
     opening_m: Annotated[float, Meta(ge=0.01, le=0.5)] = 0.135
-    """Distance of the open fingers [m]; that of the Toyota HSR is 0.135."""
+    """Distance of the open fingers [m], as your gripper has it; that of the Toyota HSR is 0.135."""
     force_n: Annotated[float, Meta(ge=0.1, le=1000)] = 40.0
-    """Force of each closing finger [N]."""
-    stop_n: Annotated[float, Meta(ge=0.1, le=1000)] = 10.0
-    """An approaching gripper that is pushed harder than this has collided [N]."""
+    """Force of each closing finger [N], as your gripper's data sheet has it."""
     mass_kg: Annotated[float, Meta(ge=1e-3, le=100)] = 0.5
     """Mass of every object [kg]."""
     friction: Annotated[float, Meta(ge=0, le=10)] = 0.5
-    """Coefficient of friction between finger and object [-]."""
-    approach_m: Annotated[float, Meta(ge=0.01, le=1)] = 0.10
-    """Length of the straight approach along the grasp [m]."""
-    lift_m: Annotated[float, Meta(ge=0.01, le=1)] = 0.15
-    """How far the object is lifted [m]."""
-    voxel_m: Annotated[float, Meta(ge=0.001, le=0.1)] = 0.005
-    """Side of the voxels of the observed depth that the gripper must not meet on its approach [m]."""
+    """Coefficient of friction between finger and object [-]; lower for smooth fingers, higher for rubber pads."""
 
 
 MOST = {"score_falls_by": 1, "jump_mm": 10_000, "jump_deg": 180, "error_grows_by_mm": 10_000}
@@ -232,7 +208,7 @@ class ThresholdSettings(Settings, frozen=True):
 
 
 class BreakpointSettings(ThresholdSettings, frozen=True):
-    """When a running method should stop and wait; unset = never."""
+    """When a running method should stop and wait; unset = never. The page sets them: they stand in saved sessions."""
 
     simulated_rejected: bool = False
     """The refined pose was accepted instead of the simulated one, by however little: the usual case."""

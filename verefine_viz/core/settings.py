@@ -78,15 +78,18 @@ class SceneSettings(Settings, frozen=True):
     seed: Seed = 0
     """Seeds sensor noise of demo scenes, cloud and mesh sampling, and plane search."""
     cloud_points: Annotated[int, Meta(ge=1, le=100_000)] = 1000
-    """Observed points per object that the refiner sees."""
+    """Observed points per object that the refiner sees; fewer are faster, more help where details tell poses apart."""
     model_points: Annotated[int, Meta(ge=1, le=100_000)] = 2000
-    """Points sampled on each model."""
+    """Points sampled on each model; more for objects with thin parts, which else get few."""
     model_sampling: ModelSampling = "random"
     """How: drawn at random, or evenly, each the farthest from those before (as the authors' clouds are)."""
 
 
 class DataSettings(Settings, frozen=True):
-    """What is put right in a frame's data after they are read; files stay as they are."""
+    """What is put right in a frame's data after they are read; files stay as they are.
+
+    To set where a doubt about the data names one of them as its remedy (docs/causes.md).
+    """
 
     depth_times: Factor = 1.0
     """What depth is multiplied by."""
@@ -229,7 +232,7 @@ class PhysicsSettings(Settings, frozen=True):
     """The simulator. Paper Sec. V: Bullet, 1/60 s, 10 solver iterations, 4 sub-steps, 1 kg, 3 steps."""
 
     enabled: bool = True
-    """Off: simulated pose = current pose."""
+    """Off: simulated pose = current pose. For objects that nothing supports, as in a hand."""
     simulator: str = BULLET
     """bullet, or a simulator of your own (docs/guide.md); what is said of colliders and solver below is Bullet's."""
     steps: Count = 3
@@ -243,7 +246,7 @@ class PhysicsSettings(Settings, frozen=True):
     mass_kg: Annotated[float, Meta(ge=1e-6, le=1e6)] = 1.0
     """Mass of every object [kg]."""
     friction: Annotated[float, Meta(ge=0, le=100)] = 0.5
-    """Lateral friction of objects; the plane has 1.0."""
+    """Lateral friction of objects; the plane has 1.0. Lower for glass, higher for rubber."""
     collider: Literal["decomposition", "hull"] = "decomposition"
     """Convex decomposition keeps bowls and mugs hollow; the authors use one hull per object."""
     collider_folder: InputPath = ""
@@ -257,7 +260,7 @@ class PhysicsSettings(Settings, frozen=True):
     margin_m: Annotated[float, Meta(ge=0, le=0.1)] = 1e-4
     """Collision margin [m]; Bullet's default for meshes is 1e-3, which leaves objects 1 mm above the plane."""
     gravity_m_s2: Annotated[float, Meta(ge=0, le=1000)] = 9.81
-    """Strength of gravity [m/s²]."""
+    """Strength of gravity [m/s²]; lower lets objects move less in a step, as PHYSIM-MCTS has it (2)."""
     damping: Annotated[float, Meta(ge=0, le=1)] = 0.04
     """Linear and angular damping of objects, the share of speed lost in a second [-]; Bullet's default is 0.04."""
     placed: Literal["static", "dynamic"] = "static"

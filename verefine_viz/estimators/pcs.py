@@ -32,6 +32,10 @@ MIN_PAIRED = 50
 """Points of the model that make up quads, however far apart they should be: a small object has few that far apart."""
 POOL = 25
 """Poses that are chosen where as many or fewer are wanted; the answer is the best of them. docs/methods.md 3.2."""
+MOST_QUADS = 1000
+"""Quads of a base that are tried, a random choice."""
+MOST_BINS = 2000
+"""Bins, the best ones, that go into the clusters."""
 AT_ONCE = 10_000
 """Poses that are counted between two checkpoints: a tenth of a second."""
 MAX_CELLS = 2**22
@@ -83,7 +87,7 @@ class Pcs:
         Ts, scores = candidates(segment, ready, model.diameter_m, s, rng, progress)
         progress.checkpoint(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
         k = math.ceil(math.sqrt(max(n, POOL)))
-        Ts, scores = reduced(Ts, scores, model.symmetries[:, :3, :3], s.keep_share, s.bins, k, rng)
+        Ts, scores = reduced(Ts, scores, model.symmetries[:, :3, :3], s.keep_share, MOST_BINS, k, rng)
         best = zip(Ts[:n], scores[:n], strict=True)
         return tuple(Hypothesis(T, float(lcp), f"pcs #{i}") for i, (T, lcp) in enumerate(best, start=1))
 
@@ -116,7 +120,7 @@ def candidates(
         base = draw_base(segment, longest_m, settings.delta_m, rng)
         if base is None:
             continue
-        quads = congruent_quads(base, model.points, model.pairs, settings.delta_m, settings.quads, rng)
+        quads = congruent_quads(base, model.points, model.pairs, settings.delta_m, MOST_QUADS, rng)
         poses.append(fitted(base.points, model.points, quads, TOLERANCE * settings.delta_m)[0])
     Ts = np.concatenate(poses)
     batches = range(0, len(Ts), AT_ONCE)

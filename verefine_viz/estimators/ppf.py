@@ -39,6 +39,12 @@ from verefine_viz.estimators.ppf_model import (
 
 MIN_POINTS = 10
 """Thinned points below which a segment says nothing."""
+TURN_BINS = 36
+"""Bins of the turn about a reference's normal, 360° together."""
+PEAKS = 4
+"""Most poses that a reference proposes."""
+ALIKE_SHARE, ALIKE_DEG = 0.1, 18.0
+"""Poses nearer than this share of the diameter, and turned by less, are one hypothesis [deg]."""
 
 
 class Ppf:
@@ -67,9 +73,9 @@ class Ppf:
         ready = self._model(model, progress)
         references = np.arange(0, len(segment.points), s.reference_every)
         progress.checkpoint(f"Looking for {model.name} in its segment by votes of {len(references)} of its points.")
-        Ts, votes = voted_poses(segment, references, ready.table, s.turn_bins, s.peaks, progress)
+        Ts, votes = voted_poses(segment, references, ready.table, TURN_BINS, PEAKS, progress)
         center_obj = ready.table.points.mean(axis=0)
-        same = SamePose(model.symmetries, center_obj, s.cluster_share * d, math.radians(s.cluster_deg))
+        same = SamePose(model.symmetries, center_obj, ALIKE_SHARE * d, math.radians(ALIKE_DEG))
         progress.checkpoint(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
         candidates = clustered(Ts, votes, same)[0][: s.candidates]
         progress.checkpoint()

@@ -78,7 +78,7 @@ class GraspScene:
         collider_of: Callable[[ObjectModel], Collider] | None = None,
     ) -> None:
         self._problem, self._settings = problem, settings
-        self.around: Obstacles = obstacles(problem.observation, settings)
+        self.around: Obstacles = obstacles(problem.observation)
         make = collider_of or (lambda model: collider(model, "decomposition"))
         T_world_cam = self.around.support.T_world_cam
         bodies: list[Body] = []

@@ -16,8 +16,10 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.observation import Observation, Support
-from verefine_viz.grasping.gripper import is_blocked, lowest
+from verefine_viz.grasping.gripper import APPROACH_M, is_blocked, lowest
 
+VOXEL_M = 0.005
+"""Side of the voxels of the observed depth [m]."""
 FEWEST = 2
 """Measured points that make a voxel occupied: a flying pixel alone makes none."""
 REACH_M = 0.35
@@ -33,7 +35,7 @@ class Obstacles:
     """(N, 3) middles of the occupied voxels that lie higher than one voxel over the plane [m]."""
 
 
-def obstacles(observation: Observation, settings: GraspSettings) -> Obstacles:
+def obstacles(observation: Observation) -> Obstacles:
     """Obstacles of a frame.
 
     Raises:
@@ -44,9 +46,9 @@ def obstacles(observation: Observation, settings: GraspSettings) -> Obstacles:
         raise InputError(f"{observation.support_note}; without a plane nothing can be grasped")
     seen = observation.camera.back_project(observation.depth_m)[observation.depth_m > 0].astype(np.float64)
     points = apply(support.T_world_cam, seen)
-    points = points[points @ support.normal_world > settings.voxel_m]
-    cells, counts = np.unique(np.floor(points / settings.voxel_m).astype(np.int64), axis=0, return_counts=True)
-    voxels = (cells[counts >= FEWEST].astype(np.float64) + 0.5) * settings.voxel_m
+    points = points[points @ support.normal_world > VOXEL_M]
+    cells, counts = np.unique(np.floor(points / VOXEL_M).astype(np.int64), axis=0, return_counts=True)
+    voxels = (cells[counts >= FEWEST].astype(np.float64) + 0.5) * VOXEL_M
     return Obstacles(support, voxels)
 
 
@@ -56,6 +58,6 @@ def are_free(T_cam_grasps: Float, around: Obstacles, settings: GraspSettings) ->
     if not len(Ts):
         return np.zeros(0, dtype=bool)
     near = np.linalg.norm(around.voxels - Ts[:, :3, 3].mean(axis=0), axis=1) < REACH_M
-    blocked = is_blocked(Ts, around.voxels[near], settings.opening_m, settings.approach_m)
-    over = lowest(Ts, around.support.normal_world, settings.opening_m, settings.approach_m)
+    blocked = is_blocked(Ts, around.voxels[near], settings.opening_m, APPROACH_M)
+    over = lowest(Ts, around.support.normal_world, settings.opening_m, APPROACH_M)
     return ~blocked & (over >= 0.0)

@@ -24,7 +24,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.ray_scene import queries, ray_scene
 from verefine_viz.core.text_format import unusable
-from verefine_viz.grasping.gripper import FINGER_M, PALM_FRONT_M, PINCH_M, TIP_M, is_blocked
+from verefine_viz.grasping.gripper import APPROACH_M, FINGER_M, PALM_FRONT_M, PINCH_M, TIP_M, is_blocked
 
 FORMAT = 1
 """Part of the cache's file names; raise it when grasps are sampled in another way."""
@@ -183,7 +183,7 @@ def sampled(model: ObjectModel, settings: GraspSettings) -> Float:
     if not poses:
         return np.zeros((0, 4, 4))
     free = np.array(poses)
-    free = free[~is_blocked(free, model.points, settings.opening_m, settings.approach_m)]
+    free = free[~is_blocked(free, model.points, settings.opening_m, APPROACH_M)]
     return free[_spread(free, settings.samples, model.diameter_m)]
 
 

@@ -16,7 +16,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import quat_wxyz, transform
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.grasping.grasp_verdict import Verdict
-from verefine_viz.grasping.gripper import FINGER_M, PALM_FRONT_M, PALM_M, TIP_M
+from verefine_viz.grasping.gripper import APPROACH_M, FINGER_M, PALM_FRONT_M, PALM_M, TIP_M
 from verefine_viz.physics.colliders import Collider
 from verefine_viz.physics.world import PLANE_FRICTION, QuietClient, convex_body, pybullet
 
@@ -28,6 +28,10 @@ OBJECT_FRICTION = 0.5
 SETTLE_S, CLOSE_S, HOLD_S = 0.25, 0.9, 0.5
 """How long the objects come to rest, the fingers close, and the object is held at the end [s]."""
 APPROACH_M_S, LIFT_M_S = 0.15, 0.25
+LIFT_M = 0.15
+"""How far the object is lifted [m]."""
+STOP_N = 10.0
+"""An approaching gripper that is pushed harder than this has collided [N]."""
 SHAKES, SHAKE_M, SHAKE_S = 2, 0.015, 0.5
 """How often, how far to both sides and how long each [m, s]."""
 FINGER_M_S = 0.12
@@ -139,18 +143,18 @@ class GraspWorld:
         return self._path(verdict)
 
     def _run(self, T_world_grasp: Float) -> Verdict:
-        s, R = self._settings, T_world_grasp[:3, :3]
+        R = T_world_grasp[:3, :3]
         self._hand = self._gripper(T_world_grasp)
-        back = np.array([0.0, 0.0, -s.approach_m])
-        up = R.T @ np.array([0.0, 0.0, s.lift_m])
+        back = np.array([0.0, 0.0, -APPROACH_M])
+        up = R.T @ np.array([0.0, 0.0, LIFT_M])
         self._drive(back, back, SETTLE_S, "settle", grips=False)
-        if (hit := self._drive(back, np.zeros(3), s.approach_m / APPROACH_M_S, "approach", grips=False)) is not None:
+        if (hit := self._drive(back, np.zeros(3), APPROACH_M / APPROACH_M_S, "approach", grips=False)) is not None:
             return hit
         self._drive(np.zeros(3), np.zeros(3), CLOSE_S, "close", grips=True)
         if min(self._finger_forces()) <= 0.0:
             return "no contact"
         low_m = self._height()
-        self._drive(np.zeros(3), up, s.lift_m / LIFT_M_S, "lift", grips=True)
+        self._drive(np.zeros(3), up, LIFT_M / LIFT_M_S, "lift", grips=True)
         across = R.T @ np.array([[SHAKE_M, 0.0, 0.0], [0.0, SHAKE_M, 0.0]]).T
         for k in range(SHAKES):
             side = across[:, k % 2]
@@ -158,7 +162,7 @@ class GraspWorld:
         held = self._com_in_palm()
         self._drive(up, up, HOLD_S, "hold", grips=True)
         is_stable = float(np.linalg.norm(self._com_in_palm() - held)) <= STABLE_M
-        is_up = self._height() - low_m >= LIFTED * s.lift_m
+        is_up = self._height() - low_m >= LIFTED * LIFT_M
         # A pad on a round body may be off it for a step: contact counts over the whole time.
         pressed_n = np.mean([frame[4] for frame in self._frames if frame[0] == "hold"], axis=0)
         return "success" if is_stable and is_up and min(pressed_n) > 0.0 else "slipped"
@@ -175,7 +179,7 @@ class GraspWorld:
         middle_z = PALM_FRONT_M - pz / 2
         out_y = s.opening_m / 2 + fy / 2
         out_z = PALM_FRONT_M + length / 2 - middle_z
-        T = T_world_grasp @ transform(np.eye(3), [0.0, 0.0, -s.approach_m])
+        T = T_world_grasp @ transform(np.eye(3), [0.0, 0.0, -APPROACH_M])
         still = (0.0, 0.0, 0.0, 1.0)
         at = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, middle_z), (0.0, -out_y, out_z), (0.0, out_y, out_z)]
         hand = bullet.createMultiBody(
@@ -216,7 +220,7 @@ class GraspWorld:
         """Moves the arm, in the frame of the grasp; what it collides with on an approach."""
         bullet, s = self._bullet, self._settings
         n = max(1, round(seconds / STEP_S))
-        base = np.array([0.0, 0.0, -s.approach_m])
+        base = np.array([0.0, 0.0, -APPROACH_M])
         for k in range(1, n + 1):
             share = k / n
             # Starts and ends at rest.
@@ -253,7 +257,7 @@ class GraspWorld:
         for p in self._bullet.getContactPoints(self._hand):
             forces[p[2]] = forces.get(p[2], 0.0) + p[9]
         hit = max(forces, key=lambda body: forces[body], default=None)
-        if hit is None or forces[hit] <= self._settings.stop_n:
+        if hit is None or forces[hit] <= STOP_N:
             return None
         if hit == self._plane:
             return "collided with the ground"

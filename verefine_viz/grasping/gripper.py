@@ -26,6 +26,8 @@ FINGER_M = (0.020, 0.012)
 """Width and thickness of a finger [m]."""
 PINCH_M = TIP_M - 0.015
 """Where along z the middle of a finger pad is [m]."""
+APPROACH_M = 0.10
+"""Length of the straight approach along the grasp [m]."""
 
 
 @dataclass(frozen=True)

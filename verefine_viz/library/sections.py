@@ -73,15 +73,17 @@ class SceneSection(TypedDict, total=False):
     seed: Whole
     """Seeds sensor noise of demo scenes, cloud and mesh sampling, and plane search."""
     cloud_points: Whole
-    """Observed points per object that the refiner sees."""
+    """Observed points per object that the refiner sees; fewer are faster, more help where details tell poses apart."""
     model_points: Whole
-    """Points sampled on each model."""
+    """Points sampled on each model; more for objects with thin parts, which else get few."""
     model_sampling: Literal["even", "random"]
     """How: drawn at random, or evenly, each the farthest from those before (as the authors' clouds are)."""
 
 
 class DataSection(TypedDict, total=False):
-    """What is put right in a frame's data after they are read; files stay as they are."""
+    """What is put right in a frame's data after they are read; files stay as they are. To set where a doubt about the
+    data names one of them as its remedy (docs/causes.md).
+    """
 
     depth_times: Number
     """What depth is multiplied by."""
@@ -200,7 +202,7 @@ class TricpSection(TypedDict, total=False):
     energy_ratio: Number
     """A pass that leaves more than this share of the energy before is the last."""
     max_passes: Whole
-    """Most passes of a call."""
+    """Most passes of a call, a bound on its time; PCL has none."""
     explained_m: Number
     """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""
 
@@ -242,7 +244,7 @@ class MctsSection(TypedDict, total=False):
     seconds: Number | None
     """Budget in computing time per cluster instead [s]; results then depend on the machine."""
     exploration_px: Number
-    """α, weight of the exploration term [px]."""
+    """α, weight of the exploration term [px]. The cost counts pixels: larger for images of more pixels."""
     explained_m: Number
     """A pixel whose observed and rendered depth differ by more than this adds 1 to the cost [m]."""
     trim: Number
@@ -270,14 +272,8 @@ class DependencySection(TypedDict, total=False):
     """Pairs of instances between which no edge is to count."""
     contact_m: Number
     """Visible clouds nearer than this may touch [m]."""
-    border_px: Whole
-    """Width of the common border of two masks [px]."""
     occlusion_m: Number
     """Along the common border the nearer object hides the other if it is nearer by more than this [m]."""
-    footprint_share: Number
-    """An object lies over another if more than this share of its footprint does."""
-    base_m: Number
-    """An object whose lowest visible point is lower than this over the plane stands on it [m]."""
 
 
 class PpfSection(TypedDict, total=False):
@@ -293,14 +289,6 @@ class PpfSection(TypedDict, total=False):
     """Most model pairs of a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
     reference_every: Whole
     """Every n-th scene point is a reference."""
-    turn_bins: Whole
-    """Bins of the turn about the reference's normal, 360° together."""
-    peaks: Whole
-    """Most poses that a reference proposes."""
-    cluster_share: Number
-    """Poses nearer than this share of the diameter, and …"""
-    cluster_deg: Number
-    """… turned by less than this are one hypothesis [deg]."""
     candidates: Whole
     """Clusters with most votes that are ranked by their agreement with the depth image."""
     tolerance: Number
@@ -313,26 +301,24 @@ class PcsSection(TypedDict, total=False):
     """Congruent point sets (Super4PCS). docs/methods.md 3.2."""
 
     delta_m: Number
-    """δ, distance within which two points correspond [m]; pairs, quads and fits may differ by 2δ."""
+    """δ, distance within which two points correspond [m]; pairs, quads and fits may differ by 2δ. Larger for a noisier
+    sensor."""
     grid_m: Number
-    """Side of the grid that thins segment and model [m]."""
+    """Side of the grid that thins segment and model [m]; finer for small objects."""
     part_share: Number
     """Parts of the segment that stand alone and hold less than this share of its points are left out: a mask that leaks
     leaves such. 0 keeps all (published code)."""
     samples: Whole
-    """Points of the model, spread evenly, of which those that lie on the segment are counted."""
+    """Points of the model, spread evenly, of which those that lie on the segment are counted; more tell similar poses
+    better apart, and take longer."""
     spacing_m: Number
     """Points that are at least so far apart make up the quads [m]; the number of quads grows with the fourth power of
     the number of points. 0 takes all (published code)."""
     bases: Whole
     """Bases tried; the published code goes on for 1 s, so that its results depend on the machine."""
-    quads: Whole
-    """Most quads of a base that are tried, a random choice."""
     keep_share: Number
     """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, and then the middle of a
     cluster is often none of the good poses."""
-    bins: Whole
-    """Most bins, the best ones, that go into the clusters."""
     seed: Whole
     """Seeds bases, quads and clusters."""
 
@@ -373,7 +359,7 @@ class PhysicsSection(TypedDict, total=False):
     """The simulator. Paper Sec. V: Bullet, 1/60 s, 10 solver iterations, 4 sub-steps, 1 kg, 3 steps."""
 
     enabled: Flag
-    """Off: simulated pose = current pose."""
+    """Off: simulated pose = current pose. For objects that nothing supports, as in a hand."""
     simulator: AnySimulator
     """bullet, or a simulator of your own (docs/guide.md); what is said of colliders and solver below is Bullet's."""
     steps: Whole
@@ -387,7 +373,7 @@ class PhysicsSection(TypedDict, total=False):
     mass_kg: Number
     """Mass of every object [kg]."""
     friction: Number
-    """Lateral friction of objects; the plane has 1.0."""
+    """Lateral friction of objects; the plane has 1.0. Lower for glass, higher for rubber."""
     collider: Literal["decomposition", "hull"]
     """Convex decomposition keeps bowls and mugs hollow; the authors use one hull per object."""
     collider_folder: InputPath
@@ -401,7 +387,7 @@ class PhysicsSection(TypedDict, total=False):
     margin_m: Number
     """Collision margin [m]; Bullet's default for meshes is 1e-3, which leaves objects 1 mm above the plane."""
     gravity_m_s2: Number
-    """Strength of gravity [m/s²]."""
+    """Strength of gravity [m/s²]; lower lets objects move less in a step, as PHYSIM-MCTS has it (2)."""
     damping: Number
     """Linear and angular damping of objects, the share of speed lost in a second [-]; Bullet's default is 0.04."""
     placed: Literal["dynamic", "static"]
@@ -432,25 +418,17 @@ class GraspSection(TypedDict, total=False):
     """Folder of annotated grasps, .npy files of 4×4 transforms [m] in the object's frame, one per object, named after
     it ("011_banana.npy", "obj_000010.npy"), relative to the session file; "" = grasps sampled on the mesh."""
     samples: Whole
-    """Grasps that are sampled on the mesh of an object without annotated ones."""
+    """Grasps that are sampled on the mesh of an object without annotated ones; more where few of them are free."""
     seed: Whole
     """Seeds the sampled grasps."""
     opening_m: Number
-    """Distance of the open fingers [m]; that of the Toyota HSR is 0.135."""
+    """Distance of the open fingers [m], as your gripper has it; that of the Toyota HSR is 0.135."""
     force_n: Number
-    """Force of each closing finger [N]."""
-    stop_n: Number
-    """An approaching gripper that is pushed harder than this has collided [N]."""
+    """Force of each closing finger [N], as your gripper's data sheet has it."""
     mass_kg: Number
     """Mass of every object [kg]."""
     friction: Number
-    """Coefficient of friction between finger and object [-]."""
-    approach_m: Number
-    """Length of the straight approach along the grasp [m]."""
-    lift_m: Number
-    """How far the object is lifted [m]."""
-    voxel_m: Number
-    """Side of the voxels of the observed depth that the gripper must not meet on its approach [m]."""
+    """Coefficient of friction between finger and object [-]; lower for smooth fingers, higher for rubber pads."""
 
 
 class ThresholdSection(TypedDict, total=False):
@@ -467,7 +445,7 @@ class ThresholdSection(TypedDict, total=False):
 
 
 class BreakpointSection(TypedDict, total=False):
-    """When a running method should stop and wait; unset = never."""
+    """When a running method should stop and wait; unset = never. The page sets them: they stand in saved sessions."""
 
     score_falls_by: Number | None
     """The accepted score is lower than the arm's previous one by more than this [score]."""

@@ -21,23 +21,28 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
-from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.problem import Edge
 from verefine_viz.observation.visible_parts import Box, VisiblePart
 
 FEWEST_PX = 3
 """Measured pixels that each side of a border needs."""
+BORDER_PX = 3
+"""Width of the common border of two masks [px]."""
 WIDEST = 4
 """A border without depth (the sensor's shadow behind an edge) is widened up to so many times its width."""
 RISE_M = 0.004
 """Where they meet, one lies above the other if it is higher by more than this [m]: a depth sensor's noise."""
 LOWER_END, MIDDLE, LOWEST = 10, 50, 2
 """Percentiles of visible heights; the lowest leaves out stray pixels at a mask's border."""
+FOOTPRINT = 0.1
+"""An object lies over another if more than this share of its footprint does."""
+BASE_M = 0.020
+"""An object whose lowest visible point is lower than this over the plane stands on it [m]."""
 GRID = 24
 """A footprint's share is counted on a grid of so many points a side."""
 MORE = 2.0
-"""Where heights as a whole do not decide, so many times the usual share of the footprint is required."""
+"""Where heights as a whole do not decide, so many times this share of the footprint is required."""
 HIDDEN = 0.5
 """How much an edge whose contact is hidden is worth beside one whose contact is seen."""
 LEANING = 0.1
@@ -111,19 +116,18 @@ def _within(points: Float, low: Float, high: Float) -> Mask:
 
 
 def occlusion_edges(
-    parts: Sequence[VisiblePart], depth_m: NDArray[np.floating], border_px: int, occlusion_m: float
+    parts: Sequence[VisiblePart], depth_m: NDArray[np.floating], occlusion_m: float
 ) -> tuple[Edge, ...]:
     """An edge from the nearer to the farther of two instances whose depth differs along their common border.
 
     Args:
         parts: what is seen of each instance.
         depth_m: z, (H, W) [m]; 0 where nothing was measured.
-        border_px: width of the common border [px].
         occlusion_m: the step in depth must be larger than this [m].
     """
     edges = []
     for a, b in combinations(sorted(parts, key=lambda p: p.instance_id), 2):
-        step = _step(a, b, depth_m, border_px)
+        step = _step(a, b, depth_m)
         if step is None or abs(step[0]) <= occlusion_m:
             continue
         step_m, length_px = step
@@ -133,10 +137,10 @@ def occlusion_edges(
     return tuple(edges)
 
 
-def _step(a: VisiblePart, b: VisiblePart, depth_m: NDArray[np.floating], border_px: int) -> tuple[float, int] | None:
+def _step(a: VisiblePart, b: VisiblePart, depth_m: NDArray[np.floating]) -> tuple[float, int] | None:
     """How much farther b is than a along their border [m], and the border's length [px]; None without a border."""
     for times in (1, 2, WIDEST):
-        width_px = times * border_px
+        width_px = times * BORDER_PX
         window = _common(a.box, b.box, width_px, a.pixels.shape)
         if window is None:
             return None
@@ -197,9 +201,7 @@ class _Pair:
         return Edge("support", self.lower, self.upper, strength, evidence)
 
 
-def support_edges(
-    parts: Sequence[VisiblePart], meetings: Meetings, hidden: Collection[int], settings: DependencySettings
-) -> tuple[Edge, ...]:
+def support_edges(parts: Sequence[VisiblePart], meetings: Meetings, hidden: Collection[int]) -> tuple[Edge, ...]:
     """An edge from each carrier to what it carries.
 
     Its strength is the share of the footprint that lies over the carrier, less where the contact is hidden.
@@ -208,17 +210,16 @@ def support_edges(
         parts: what is seen of each instance; all need a plane.
         meetings: where they come near each other.
         hidden: instances of which another hides something: their lower end may be elsewhere.
-        settings: thresholds.
     """
     stands = [s for s in map(_stand, sorted(parts, key=lambda p: p.instance_id)) if s is not None]
     edges: list[Edge] = []
     for upper in stands:
         pairs = [_pair(lower, upper, meetings) for lower in stands if lower is not upper]
-        below = [pair for pair in pairs if pair.share > settings.footprint_share]
-        own = [edge for pair in below if (edge := _standing(pair, settings.footprint_share))]
+        below = [pair for pair in pairs if pair.share > FOOTPRINT]
+        own = [edge for pair in below if (edge := _standing(pair))]
         if not own:
             own = [edge for pair in below if (edge := _standing_unseen(pair))]
-        if upper.lowest_m > settings.base_m and upper.instance_id not in hidden:
+        if upper.lowest_m > BASE_M and upper.instance_id not in hidden:
             carriers = {edge.first for edge in own}
             own += [edge for pair in pairs if pair.lower not in carriers and (edge := _leaning(pair))]
         edges += own
@@ -230,14 +231,14 @@ def lowest_m(part: VisiblePart) -> float:
     return float(np.percentile(part.heights_m, LOWEST))
 
 
-def _standing(pair: _Pair, footprint_share: float) -> Edge | None:
+def _standing(pair: _Pair) -> Edge | None:
     """The edge of a contact that is seen."""
     if pair.rise_m is None:
         return None
     over = f"{pair.share:.0%} of its footprint"
     if pair.above_m >= 0:
         return pair.edge(pair.share, f"{over}, {1000 * pair.above_m:.0f} mm above")
-    if pair.rise_m > RISE_M and pair.share > MORE * footprint_share:
+    if pair.rise_m > RISE_M and pair.share > MORE * FOOTPRINT:
         return pair.edge(pair.share, f"{over}, {1000 * pair.rise_m:.0f} mm above where they meet")
     return None
 

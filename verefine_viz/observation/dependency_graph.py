@@ -9,7 +9,14 @@ from math import inf
 from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import unknown
 from verefine_viz.core.problem import DependencyGraph, Edge, Problem
-from verefine_viz.observation.dependency_edges import contact_edges, lowest_m, meetings, occlusion_edges, support_edges
+from verefine_viz.observation.dependency_edges import (
+    BASE_M,
+    contact_edges,
+    lowest_m,
+    meetings,
+    occlusion_edges,
+    support_edges,
+)
 from verefine_viz.observation.dependency_order import (
     Groups,
     cut_between,
@@ -74,14 +81,14 @@ def _recommended(problem: Problem, parts: Sequence[VisiblePart], settings: Depen
     near = meetings(parts, settings.contact_m)
     edges = (
         *contact_edges(near, settings.contact_m),
-        *occlusion_edges(parts, problem.observation.depth_m, settings.border_px, settings.occlusion_m),
+        *occlusion_edges(parts, problem.observation.depth_m, settings.occlusion_m),
     )
     notes = _no_plane(problem)
     if not notes:
         hidden = {e.second for e in edges if e.kind == "occlusion"}
-        edges += support_edges(parts, near, hidden, settings)
+        edges += support_edges(parts, near, hidden)
         diameters_m = {i.instance_id: problem.models[i.obj_id].diameter_m for i in problem.instances}
-        notes = _hovering(parts, edges, settings.base_m, diameters_m)
+        notes = _hovering(parts, edges, diameters_m)
     order = ordered({p.instance_id: p.median_depth_m for p in parts}, _cut(parts, edges, settings))
     notes += tuple(
         f"what carries what runs in a circle; its weakest sign, that {label(problem, e.first)} carries "
@@ -112,9 +119,7 @@ def _no_plane(problem: Problem) -> tuple[str, ...]:
     return ("no support plane: what carries what is unknown, and objects are ordered front to back",)
 
 
-def _hovering(
-    parts: Sequence[VisiblePart], edges: Sequence[Edge], base_m: float, diameters_m: Mapping[int, float]
-) -> tuple[str, ...]:
+def _hovering(parts: Sequence[VisiblePart], edges: Sequence[Edge], diameters_m: Mapping[int, float]) -> tuple[str, ...]:
     """What stands neither on the plane nor on anything seen, though nothing hides its lower end but itself."""
     excused = {e.second for e in edges if e.kind in ("support", "occlusion")}
     heights_m = {
@@ -126,7 +131,7 @@ def _hovering(
         f"{name} begins {1000 * height_m:.0f} mm above the plane and nothing is seen to carry it; what does may be "
         "hidden, or have no mask"
         for name, height_m in heights_m.items()
-        if height_m > base_m
+        if height_m > BASE_M
     )
 
 

@@ -33,6 +33,7 @@ from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.page.messages import EditedMessage, PickedMessage
 from verefine_viz.page.model_pictures import ModelOfFolder, ModelPainter
 from verefine_viz.page.protocol import AnyVerb, pose_matrix
+from verefine_viz.page.scene3d import viser_page
 from verefine_viz.page.scene3d.scene import Scene3D
 from verefine_viz.page.scene3d.viser_server import Viser3DServer
 from verefine_viz.page.server import PageServer
@@ -120,7 +121,7 @@ class App:
         self.viser = Viser3DServer()
         self.scene = Scene3D(self.viser, self._from_scene)
         self._write = Exporter(self._folder, self.worker.progress, self.scene.page)
-        self.server.start(proxy.routes(self.viser.get_port()))
+        self.server.start(proxy.routes(*viser_page.served(), self.viser.address))
         self.worker.thread.start()
         return self
 

@@ -1,59 +1,40 @@
-"""The 3D view under ``/3d/``: viser's page and its websocket, handed through from a server on another port."""
+"""The 3D view under ``/3d/``: viser's page, and its websocket, handed through from a server on another port."""
 
 from __future__ import annotations
 
 import asyncio
-import http.client
-import re
 
-from starlette.concurrency import run_in_threadpool
-from starlette.datastructures import Headers
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import HTMLResponse, Response
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-_PASSED_ON = ("content-type", "content-encoding", "content-security-policy")
-_FILE = re.compile(r"[A-Za-z0-9_,./-]{0,200}")
-"""A name that a file of viser's page may have; viser fails where the system takes none so long."""
-_WAIT_S = 20.0
 _GOING_AWAY, _TRY_AGAIN = 1001, 1013
 _NEVER_SENT = (1005, 1006, 1015)
 """Close codes that say how a connection ended without one."""
 
 
-def routes(port: int) -> list[BaseRoute]:
-    """Return the routes that hand ``/3d/…`` through to the server at a loopback port.
+def routes(document: str, policy: str, address: str) -> list[BaseRoute]:
+    """Return the routes of ``/3d/``.
 
-    Host and Origin are checked by the page's server, for its own address, before a request comes here. A policy that
-    the server behind gives is passed on: what adds one to other answers has to leave it as it is.
+    Host and Origin are checked by the page's server, for its own address, before a request comes here.
+
+    Args:
+        document: viser's page.
+        policy: its Content-Security-Policy; what adds one to other answers has to leave it as it is.
+        address: that of viser's websocket.
     """
 
     async def page(request: Request) -> Response:
-        if not _FILE.fullmatch(request.path_params["path"]):
-            return Response(status_code=404)
-        return await run_in_threadpool(_fetched, port, request.path_params["path"], request.headers)
+        return HTMLResponse(document, headers={"content-security-policy": policy, "cache-control": "no-cache"})
 
     async def channel(browser: WebSocket) -> None:
-        await _handed_through(browser, f"ws://127.0.0.1:{port}")
+        await _handed_through(browser, address)
 
     # viser's page takes its own address without the last slash for that of its websocket.
-    return [Route("/3d/{path:path}", page), WebSocketRoute("/3d", channel), WebSocketRoute("/3d/", channel)]
-
-
-def _fetched(port: int, path: str, headers: Headers) -> Response:
-    behind = http.client.HTTPConnection("127.0.0.1", port, timeout=_WAIT_S)
-    try:
-        behind.request("GET", "/" + path, headers={"Accept-Encoding": headers.get("Accept-Encoding", "")})
-        answer = behind.getresponse()
-        body = answer.read()
-    except (OSError, http.client.HTTPException, UnicodeError):
-        return Response("the 3D view does not answer\n", 502, media_type="text/plain")
-    finally:
-        behind.close()
-    return Response(body, answer.status, {k: v for k, v in answer.getheaders() if k.lower() in _PASSED_ON})
+    return [Route("/3d/", page), WebSocketRoute("/3d", channel), WebSocketRoute("/3d/", channel)]
 
 
 async def _handed_through(browser: WebSocket, address: str) -> None:

@@ -232,7 +232,10 @@ def _smaller(image: Image.Image, n_in_row: int) -> Image.Image:
 
 
 def _side_by_side(images: Sequence[Image.Image]) -> tuple[Image.Image, dict[int, tuple[int, int, int, int]]]:
-    """One image of several, each with its outermost pixels repeated around it, and where each is (x, y, w, h)."""
+    """One image of several, each with its outermost pixels repeated around it, and where each is (x, y, w, h).
+
+    trimesh's own packer moves coordinates by up to a pixel and mixes its black gaps into small images.
+    """
     n_in_row = int(np.ceil(np.sqrt(len(images))))
     framed = [np.pad(np.asarray(_smaller(image, n_in_row)), ((1, 1), (1, 1), (0, 0)), "edge") for image in images]
     height, width = np.max([one.shape[:2] for one in framed], axis=0)

@@ -1,4 +1,4 @@
-// Runs before viser's own page; viser_server.py fills in the words in capitals.
+// Runs before viser's own page; viser_page.py fills in the words in capitals.
 {
   // viser's page unpacks its program into one script element; nothing else that is written into the page runs.
   document.createElement = function (name, options) {

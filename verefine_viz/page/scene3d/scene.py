@@ -36,7 +36,7 @@ from verefine_viz.page.scene3d.observed_cloud import (
 )
 from verefine_viz.page.scene3d.physics_drawing import PhysicsDrawing, contacts_of, known_overlaps
 from verefine_viz.page.scene3d.view_content import Body, ViewContent, content_of
-from verefine_viz.page.scene3d.viser_server import prepared
+from verefine_viz.page.scene3d.viser_page import exported
 
 if TYPE_CHECKING:
     from verefine_viz.grasping.grasp_answer import GraspAttempt, GraspPair
@@ -129,7 +129,7 @@ class Scene3D:
 
     def page(self) -> str:
         """Return the scene as it is as one HTML document that needs nothing else."""
-        return prepared(self._server.scene.as_html(dark_mode=True))
+        return exported(self._server.scene.as_html(dark_mode=True))
 
     # Drawing, with the lock held
 

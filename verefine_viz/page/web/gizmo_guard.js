@@ -1,5 +1,5 @@
 // A press that misses a handle of the edited pose by a few pixels does not turn the 3D view. Of viser's own parts it reads
-// the camera and the node of the handles, and holds the camera (scene3d/viser_server.py).
+// the camera and the node of the handles, and holds the camera (scene3d/viser_page.py).
 
 const REACH_PX = 26; // what can be grasped ends about 17 px from a line
 const GIZMO = "/cam/gizmo";

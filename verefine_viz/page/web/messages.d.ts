@@ -249,7 +249,7 @@ export interface TitledSession {
   demo: string;
 }
 
-/** When a running method should stop and wait; unset = never. */
+/** When a running method should stop and wait; unset = never. The page sets them: they stand in saved sessions. */
 export interface BreakpointSettings {
   /** The accepted score is lower than the arm's previous one by more than this [score]. */
   score_falls_by: number | null;
