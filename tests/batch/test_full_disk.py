@@ -22,7 +22,6 @@ from verefine_viz import cli
 from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch import worker_pool as pool
 from verefine_viz.batch.frame_work import FrameWork
-from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.runs import read_run
 from verefine_viz.core.errors import InputError
 from verefine_viz.run.record import RunRecord
@@ -38,7 +37,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
 class Answering(PoolHere):
     """Has an answer for every frame at once."""
 
-    def solve(self, items: Iterable[str], pace: Pace | None = None) -> Iterator[RunRecord]:
+    def solve(self, items: Iterable[str]) -> Iterator[RunRecord]:
         work = self._work
         assert isinstance(work, FrameWork)
         return (answering.answered(work.session, frame, work.out) for frame in items)
