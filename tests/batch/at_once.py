@@ -11,7 +11,6 @@ import pytest
 
 from tests.made_runs import answer, finished, written
 from verefine_viz.batch import run_batch as run_batch_module
-from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.run_batch import Backend, BatchOutcome, BatchStatus, Workers, run_batch
 from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_tasks import TaskName
@@ -51,7 +50,7 @@ class AtOnce:
     out: Path = Path()
     """Folder of the batch."""
 
-    def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord | str | None]:
+    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | str | None]:
         return map(self.done, frames)
 
     def done(self, frame: str) -> RunRecord | str | None:

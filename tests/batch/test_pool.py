@@ -74,7 +74,7 @@ def test_a_worker_that_holds_too_much_is_replaced(tmp_path: Path) -> None:
     pids = [end.seconds for end in ends(pool.solve(["0/1", "0/2"])).values()]
     pool.close()
     assert len(set(pids)) == 2
-    assert "2 were restarted to free memory; fewer --workers" in pool.warning
+    assert "2 were restarted" in pool.warning
     assert pool.needs.startswith("1 × ")
 
 

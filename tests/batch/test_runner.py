@@ -52,7 +52,7 @@ def test_the_parent_does_not_grow_with_the_number_of_frames(loop: Loop) -> None:
 def test_tables_are_in_the_session_s_order_whatever_the_order_of_the_work(loop: Loop) -> None:
     loop.frames(9)
     backwards = AtOnce()
-    backwards.solve = lambda frames, pace: map(backwards.done, reversed(list(frames)))  # type: ignore[method-assign]
+    backwards.solve = lambda frames: map(backwards.done, reversed(list(frames)))  # type: ignore[method-assign]
     assert loop.run(workers=backwards).totals["frames_done"] == 9
     assert backwards.is_closed
     assert table_of(loop.out) == list(range(9))
@@ -92,7 +92,7 @@ def test_a_finished_batch_is_left_as_it_is(loop: Loop) -> None:
 def test_what_takes_long_is_passed_on_and_no_result(loop: Loop) -> None:
     loop.frames(3)
     made = AtOnce()
-    made.solve = lambda frames, pace: iter(["Compiling.", *map(made.done, frames)])  # type: ignore[method-assign]
+    made.solve = lambda frames: iter(["Compiling.", *map(made.done, frames)])  # type: ignore[method-assign]
     assert loop.run(workers=made).totals["frames_done"] == 3
     assert [now.doing for now in loop.seen] == ["", "Compiling.", "", "", ""]
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from tests.made_runs import answer
 from tests.report.runs import row, write_run
@@ -70,10 +69,4 @@ def test_the_best_comes_first(tmp_path: Path) -> None:
         for method, paths in reversed(runs(tmp_path).items())
         for path in paths
     ]
-    console = Console(width=120, record=True, file=None)
-    with console.capture() as said:
-        console.print(sweep_table(outcomes))
-    head, *lines = [line.split() for line in said.get().splitlines()]
-    assert head[:4] == ["runs", "of", "seeds", "right"]
-    assert head[-2:] == ["iterations", "ms"]
-    assert [line[:2] for line in lines] == [["rir", "3"], ["pir", "3"]]
+    assert [row[:2] for row in sweep_table(outcomes).rows] == [("rir", "3"), ("pir", "3")]

@@ -205,18 +205,6 @@ def test_results_that_say_nothing_about_any_target(bad_input: BadInput) -> None:
         assert line.startswith(f"{path} has no estimate for any target of test_targets_bop19.json: {words}; does it")
 
 
-@pytest.mark.parametrize("columns", [40, 200])
-def test_numbers_are_never_cut(bad_input: BadInput, columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    long = bad_input.file(f"{'a_long_name_' * 6}boxes-test.csv", bad_input.results.read_text())
-    monkeypatch.setenv("COLUMNS", str(columns))
-    assert "obj_000005" not in bad_input.run(long)
-    text = bad_input.run(long, "--per-object")
-    table = [line.split() for line in text.splitlines()]
-    (method,) = [cells for cells in table if cells and cells[0].startswith("a_long_name") and "100.0" in cells]
-    assert method[1:] == [*["100.0"] * 5, "0.0", "0.0", "0", "0.25"]
-    assert ["2", "obj_000002", *["100.0"] * 5, "0.0", "0.0", "0/2"] in table
-
-
 def test_rows_that_are_no_poses_are_counted_as_the_official_script_counts_them(bad_input: BadInput) -> None:
     mirrored, unknown = "1 0 0 0 1 0 0 0 -1,0 0 500", "nan 0 0 0 1 0 0 0 1,0 0 500"
     lines = [f"7,3,5,1,{mirrored},-1", f"7,3,2,nan,{unknown},-1", f"7,3,2,1,{POSE.replace('500', 'inf')},-1"]

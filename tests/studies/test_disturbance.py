@@ -88,18 +88,18 @@ def test_the_true_plane_is_that_of_the_ground_truth_whatever_was_detected() -> N
         assert np.degrees(np.arccos(to_world[2, 2])) < 0.2
         assert abs(to_world[2, 3]) < 0.001
     unseen = replace(scene, observation=replace(scene.observation, depth_m=np.zeros_like(scene.observation.depth_m)))
-    with pytest.raises(InputError, match="the ground-truth poses rest on no plane that is seen"):
+    with pytest.raises(InputError, match="no plane"):
         on_true_plane(unseen)
 
 
 def test_frames_that_cannot_be_used_say_why() -> None:
     blind = replace(PROBLEM, instances=tuple(replace(i, T_cam_obj_gt=None) for i in PROBLEM.instances))
-    with pytest.raises(InputError, match=r"has no ground truth, expected scene_gt\.json"):
+    with pytest.raises(InputError, match=r"scene_gt\.json"):
         disturbed(blind, 1, 5, 5, 0)
     with pytest.raises(InputError, match="has no ground truth"):
         tables(own_initial_poses=True).panels[0].prepare(blind, 0.0, 0)
     plane = replace(PROBLEM.observation, support=None, support_note="no plane was found")
-    with pytest.raises(InputError, match="no plane was found; heights are measured from it"):
+    with pytest.raises(InputError, match="no plane"):
         without_top(replace(PROBLEM, observation=plane), 0.5)
 
 

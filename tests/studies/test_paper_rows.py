@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from verefine_viz.core.console import PrintedTable
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.paper_tables import PAPER, missing_rows, paper_table, tables
-from verefine_viz.studies.printed_table import PrintedTable
+from verefine_viz.studies.printed_table import latex, markdown
 from verefine_viz.studies.study_plan import Panel, StudyCurve
 from verefine_viz.studies.study_report import printed, printed_paper_table
 
@@ -117,17 +118,17 @@ def test_an_estimators_first_pose_is_a_row_of_its_own() -> None:
 
 def test_a_table_is_printed_in_markdown_and_latex() -> None:
     table = PrintedTable(
-        "T & co", ("", "AR", "r̄ [°]"), (("VF_b, 2", "1.0", "2"), ("a_b", "–", "3")), frozenset({(0, 1)}), (1,)
+        "T & co", ("", "AR", "r̄ [°]"), (("VF_b, 2", "1.0", "2"), ("a_b", "–", "3")), {(0, 1): "bold"}, (1,)
     )
-    assert table.markdown().splitlines()[2:] == [
+    assert markdown(table).splitlines()[2:] == [
         "|  | AR | r̄ [°] |", "| --- | ---: | ---: |", "| VF_b, 2 | **1.0** | 2 |", "| a_b | – | 3 |",
     ]  # fmt: skip
-    latex = table.latex()
-    assert r" & AR & $\bar{r}$ [$^\circ$] \\" in latex
-    assert r"VF$_b$, 2 & \textbf{1.0} & 2 \\" in latex
-    assert r"a\_b & -- & 3 \\" in latex
-    assert r"T \& co" in latex
-    assert latex.count(r"\midrule") == 2
+    tex = latex(table)
+    assert r" & AR & $\bar{r}$ [$^\circ$] \\" in tex
+    assert r"VF$_b$, 2 & \textbf{1.0} & 2 \\" in tex
+    assert r"a\_b & -- & 3 \\" in tex
+    assert r"T \& co" in tex
+    assert tex.count(r"\midrule") == 2
 
 
 def test_the_papers_tables_are_printed_as_they_are() -> None:

@@ -156,11 +156,10 @@ def test_units_that_fail_are_named_and_the_others_go_on(
         assert cli.main([*map(str, words)]) == 1
     lines = capsys.readouterr().err.splitlines()
     log = "duck 000000_000000, occlusion, 0.6, seed 0.txt"
-    assert lines[-1] == "study robustness: 5 of 8 runs failed; the same command tries them again"
-    assert lines[-6:-1] == [
-        *(f"duck 000000_000000, material, {x}, seed 0: no plane" for x in ("0", "0.3", "0.6", "0.9")),
-        f"duck 000000_000000, occlusion, 0.6, seed 0: RuntimeError: unforeseen (see errors/{log})",
-    ]
+    assert "5 of 8" in lines[-1]
+    for line, x in zip(lines[-6:-2], ("0", "0.3", "0.6", "0.9"), strict=True):
+        assert line.startswith(f"duck 000000_000000, material, {x}, seed 0: ")
+    assert log in lines[-2]
     assert "unforeseen" in (out / "robustness.journal" / "errors" / log).read_text()
     assert "without 5 of 8 runs, which failed" in (out / "robustness.svg").read_text()
     done = _entries(out / "robustness.journal")
@@ -185,7 +184,8 @@ def test_a_study_whose_first_unit_fails_ends_with_its_reason(
     monkeypatch.setattr(run_study_module, "Pool", PoolHere)
     words = f"study robustness --out {tmp_path / 'out'} --quick --seeds 1 --workers 1 --scene.demo duck"
     assert cli.main(words.split()) == 2
-    assert capsys.readouterr().err.splitlines() == ["verefine-viz: nothing at 0"]
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "nothing at 0" in line
 
 
 def test_a_folder_of_another_study_or_of_nothing_is_refused(tmp_path: Path) -> None:
@@ -195,15 +195,15 @@ def test_a_folder_of_another_study_or_of_nothing_is_refused(tmp_path: Path) -> N
     with pytest.raises(InputError, match=r"study\.json"):
         _run(path)
     (path / STUDY_FILE).write_text(json.dumps({"study": {"name": "ablation"}}))
-    with pytest.raises(InputError, match="belongs to a study with other settings"):
+    with pytest.raises(InputError, match="settings"):
         _run(path)
 
 
 def test_a_folder_of_something_else_is_left_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "theirs.txt").write_text("years of work in one line")
-    with pytest.raises(InputError, match=r"holds other files \(theirs\.txt\) and no study run"):
+    with pytest.raises(InputError, match=r"theirs\.txt"):
         StudyFolder(tmp_path, {"study": 1})
-    with pytest.raises(InputError, match=r"theirs\.txt is a file, expected a folder"):
+    with pytest.raises(InputError, match=r"theirs\.txt"):
         StudyFolder(tmp_path / "theirs.txt", {"study": 1})
     assert [file.name for file in tmp_path.iterdir()] == ["theirs.txt"]
 
@@ -218,7 +218,7 @@ def test_a_study_that_was_killed_at_its_start_goes_on(tmp_path: Path) -> None:
 
 def test_a_folder_is_written_by_one_study_at_a_time(tmp_path: Path) -> None:
     first = StudyFolder(tmp_path, {})
-    with pytest.raises(UnavailableError, match="another study is writing to"):
+    with pytest.raises(UnavailableError, match=tmp_path.name):
         StudyFolder(tmp_path, {})
     first.close()
     StudyFolder(tmp_path, {}).close()
@@ -228,10 +228,7 @@ def test_a_folder_that_the_disk_refuses_is_closed_and_empty(tmp_path: Path, monk
     def full(self: Path, *_: object, **__: object) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    with (
-        monkeypatch.context() as patched,
-        pytest.raises(InputError, match=r"cannot write .*study\.json: No space left"),
-    ):
+    with monkeypatch.context() as patched, pytest.raises(InputError, match=r"study\.json"):
         patched.setattr(Path, "write_text", full)
         StudyFolder(tmp_path, {})
     assert [file.name for file in tmp_path.iterdir()] == [".lock"]
@@ -285,8 +282,7 @@ def test_an_option_that_a_study_sets_itself_is_refused_by_name(
 ) -> None:
     words = ["study", name, "--out", str(tmp_path / "out"), "--method.refiner", "icp", f"--{option}", value]
     assert cli.main(words) == 2
-    expected = f"study {name} sets {option.replace('-', '_')} itself"
-    assert expected in capsys.readouterr().err
+    assert option.replace("-", "_") in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -335,9 +331,8 @@ def test_a_stopped_study_writes_what_it_has(
     assert {(r["panel"], float(r["x"])) for r in rows} == {(r["panel"], float(r["x"])) for r in objects}
     assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     n_all, said = 40 * n_points(name), capsys.readouterr()
-    assert said.err.splitlines() == [
-        f"study {name}: stopped after 3 of {n_all} runs; writing them, the same command goes on", "stopped",
-    ]  # fmt: skip
+    line, last = said.err.splitlines()
+    assert (f"3 of {n_all}" in line, last) == (True, "stopped")
     assert f"stopped after 3 of {n_all} runs" in (out / f"{name}.svg").read_text()
     assert f"{name}.csv" in said.out
 

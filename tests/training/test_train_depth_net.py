@@ -99,7 +99,7 @@ def test_turns_are_learned_at_the_rate_of_the_training() -> None:
 
 def test_a_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
     trained(tmp_path, 2)
-    with pytest.raises(InputError, match="is of a training with seed 0 and 2 steps"):
+    with pytest.raises(InputError, match="seed 0 and 2 steps"):
         train(1, 2, 0.0, tmp_path / "c", lambda progress: None, BATCH)
     (tmp_path / "c").write_bytes(b"not a checkpoint")
     with pytest.raises(InputError, match="cannot be read"):

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
+from rich.text import Text
 
 from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.index import read_batch
@@ -18,11 +17,12 @@ from verefine_viz.batch.jobs import BatchJob, check_jobs
 from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.batch.progress import BatchProgress
 from verefine_viz.batch.run_batch import Backend, BatchOutcome, run_batch
-from verefine_viz.batch.terminal import Terminal
 from verefine_viz.batch.totals import Notes
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.causes import Cause, cause_title
+from verefine_viz.core.console import PrintedTable, Terminal, print_table
+from verefine_viz.core.text_format import say
 from verefine_viz.run.record import Answer, RunRecord
 
 MISSED = {
@@ -48,8 +48,7 @@ def run_jobs(
         VerefineError: a session or a folder cannot be used, or the cluster does not answer.
     """
     if len(jobs) == 1:
-        with BatchProgress(Terminal(stderr=True)).shown() as progress:
-            outcome = _run(jobs[0], jobs[0].folder.name, backend, retry_failed, task, None, progress)
+        outcome = _run(jobs[0], jobs[0].folder.name, backend, retry_failed, task, None, BatchProgress())
         _print_summary(outcome)
         return 0 if outcome.is_whole else 1
     outcomes = list[tuple[BatchJob, BatchOutcome]]()
@@ -75,27 +74,26 @@ def solved_jobs(
             work = FrameWork(first.session, first.folder.absolute(), task)
             pool = Pool(work, backend.n_workers, backend.limit_bytes)
             stack.enter_context(closing(pool))
-        progress = stack.enter_context(BatchProgress(Terminal(stderr=True), n_frames).shown())
+        progress = BatchProgress(n_frames)
         for k, job in enumerate(jobs):
             title = f"run {k + 1} of {len(jobs)}: {job.folder.name}"
             yield job, _run(job, title, backend, retry_failed, task, pool, progress)
 
 
 def _print_all(outcomes: Sequence[tuple[BatchJob, BatchOutcome]], out: Path) -> None:
-    console = Terminal(highlight=False, soft_wrap=True)
-    console.print(sweep_table(outcomes))
+    print_table(sweep_table(outcomes))
     notes = Notes()
     for _, outcome in outcomes:
         notes.add(outcome.totals["notes"])
     for note, n in notes.counted().items():
-        console.print(escape(f"note ({n} run{'s' * (n > 1)}): {note}"))
+        say(f"note ({n} run{'s' * (n > 1)}): {note}")
     n_failed = sum(outcome.n_failed for _, outcome in outcomes)
     if n_failed:
-        console.print(failed(n_failed))
+        say(failed(n_failed))
     n_unreadable = sum(outcome.n_unreadable for _, outcome in outcomes)
     if n_unreadable:
-        console.print(unreadable(n_unreadable))
-    console.print(escape(f"Side by side: verefine-viz report {out}"))
+        say(unreadable(n_unreadable))
+    say(f"Side by side: verefine-viz report {out}")
 
 
 def _run(
@@ -110,40 +108,38 @@ def _run(
     if pool is not None:
         pool.switch_to(FrameWork(job.session, job.folder.absolute(), task))
     with progress.run(title) as report:
-        return run_batch(job.session, job.folder, backend, report, retry_failed, task, pool, progress.pace)
+        return run_batch(job.session, job.folder, backend, report, retry_failed, task, pool)
 
 
 def _print_line(outcome: BatchOutcome) -> None:
-    console = Terminal(highlight=False, soft_wrap=True)
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s"
-    console.print(escape(f"{outcome.folder.name}: {brief(outcome)}; {took}"))
-    _print_doubt(console, outcome)
-    _print_failures(console, outcome)
-    _print_written(console, outcome)
+    say(f"{outcome.folder.name}: {brief(outcome)}; {took}")
+    _print_doubt(outcome)
+    _print_failures(outcome)
+    _print_written(outcome)
 
 
 def _print_summary(outcome: BatchOutcome) -> None:
-    console = Terminal(highlight=False, soft_wrap=True)
     numbers = outcome.totals
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s, memory {outcome.memory}"
-    console.print(escape(f"{brief(outcome)}; {took}. Results in {outcome.folder}"))
-    _print_doubt(console, outcome)
+    say(f"{brief(outcome)}; {took}. Results in {outcome.folder}")
+    _print_doubt(outcome)
     for track in outcome.motion[:MOST_TRACKS]:
-        console.print(escape(f"motion of {track.text}"))
+        say(f"motion of {track.text}")
     if len(outcome.motion) > MOST_TRACKS:
-        console.print(f"… and {len(outcome.motion) - MOST_TRACKS} more objects, see {MOTION}")
+        say(f"… and {len(outcome.motion) - MOST_TRACKS} more objects, see {MOTION}")
     # How many have no hypothesis is in the line above, and why in a note below.
     causes = {cause: n for cause, n in numbers["causes"].items() if cause != Cause.NO_HYPOTHESIS}
     if causes:
-        console.print("causes: " + ", ".join(f"{cause_title(cause)} {n}" for cause, n in causes.items()))
+        say("causes: " + ", ".join(f"{cause_title(cause)} {n}" for cause, n in causes.items()))
     for note, n in numbers["notes"].items():
-        console.print(escape(f"note ({n} frame{'s' * (n > 1)}): {note}"))
-    _print_failures(console, outcome)
+        say(f"note ({n} frame{'s' * (n > 1)}): {note}")
+    _print_failures(outcome)
     if outcome.n_failed:
-        console.print("The same command with --retry-failed tries them again.")
+        say("The same command with --retry-failed tries them again.")
     if outcome.n_unreadable:
-        console.print(unreadable(outcome.n_unreadable))
-    _print_written(console, outcome)
+        say(unreadable(outcome.n_unreadable))
+    _print_written(outcome)
 
 
 def failed(n: int) -> str:
@@ -161,9 +157,9 @@ def unreadable(n: int, which: str = "frames.csv says which") -> str:
     )
 
 
-def _print_doubt(console: Terminal, outcome: BatchOutcome) -> None:
+def _print_doubt(outcome: BatchOutcome) -> None:
     if outcome.totals["data_in_doubt"]:
-        console.print(f"[red]{escape(outcome.totals['data_in_doubt'])}[/]")
+        Terminal().print(Text(outcome.totals["data_in_doubt"], "red"))
 
 
 def brief(outcome: BatchOutcome) -> str:
@@ -186,19 +182,19 @@ def brief(outcome: BatchOutcome) -> str:
     return ", ".join(parts)
 
 
-def _print_written(console: Terminal, outcome: BatchOutcome) -> None:
+def _print_written(outcome: BatchOutcome) -> None:
     for note in outcome.notes:
-        console.print(escape(f"note: {note}"))
+        say(f"note: {note}")
     for fault in outcome.faults:
-        console.print(f"[red]{escape(fault)}[/]")
+        Terminal().print(Text(fault, "red"))
 
 
-def _print_failures(console: Terminal, outcome: BatchOutcome) -> None:
+def _print_failures(outcome: BatchOutcome) -> None:
     for frame, why in outcome.failures:
-        console.print(escape(f"frame {frame} failed: {why}"))
+        say(f"frame {frame} failed: {why}")
     n_more = outcome.n_failed - len(outcome.failures)
     if n_more:
-        console.print(f"… and {n_more} more, see frames.csv")
+        say(f"… and {n_more} more, see frames.csv")
 
 
 @dataclass(frozen=True)
@@ -218,7 +214,7 @@ class SweepRow:
     """The iterations of a frame's objects: median over the frames, as the first one of a worker may compile."""
 
 
-def sweep_table(outcomes: Sequence[tuple[BatchJob, BatchOutcome]]) -> Table:
+def sweep_table(outcomes: Sequence[tuple[BatchJob, BatchOutcome]]) -> PrintedTable:
     """A row for the runs that differ only in their seeds; best recall first, without ground truth best score.
 
     Raises:
@@ -230,21 +226,20 @@ def sweep_table(outcomes: Sequence[tuple[BatchJob, BatchOutcome]]) -> Table:
     rows = [(name, sweep_row(read_batch(outcome.folder).rows for outcome in mine)) for name, mine in groups.items()]
     has_recall = any(row.recall is not None for _, row in rows)
     rows.sort(key=lambda row: -((row[1].recall if has_recall else row[1].score) or 0.0))
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("run" if all(row.n_runs == 1 for _, row in rows) else "runs of")
-    for head in ("seeds", "right", "by seed", "median mm", "score", "iterations ms"):
-        table.add_column(head, justify="right")
-    for name, row in rows:
-        table.add_row(
-            escape(name),
-            str(row.n_runs),
-            _shown(row.recall, "{:.1%}"),
-            "" if row.ends is None or row.n_runs == 1 else "{:.0%} to {:.0%}".format(*row.ends),
-            _shown(row.median_mm, "{:.1f}"),
-            _shown(row.score, "{:.3f}"),
-            _shown(row.ms_per_frame, "{:.0f}"),
-        )
-    return table
+    first = "run" if all(row.n_runs == 1 for _, row in rows) else "runs of"
+    headings = (first, "seeds", "right", "by seed", "median mm", "score", "iterations ms")
+    return PrintedTable("", headings, tuple((name, *_cells(row)) for name, row in rows))
+
+
+def _cells(row: SweepRow) -> tuple[str, ...]:
+    return (
+        str(row.n_runs),
+        _shown(row.recall, "{:.1%}"),
+        "" if row.ends is None or row.n_runs == 1 else "{:.0%} to {:.0%}".format(*row.ends),
+        _shown(row.median_mm, "{:.1f}"),
+        _shown(row.score, "{:.3f}"),
+        _shown(row.ms_per_frame, "{:.0f}"),
+    )
 
 
 def sweep_row(runs: Iterable[Sequence[Answer]]) -> SweepRow:

@@ -25,7 +25,6 @@ import verefine_viz
 from verefine_viz.batch.dask_worker import WorkerTools, solve_on_worker
 from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.machine import gigabytes
-from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.work_queue import WorkQueue
 from verefine_viz.batch.worker_pool import interrupts_ignored
@@ -152,7 +151,7 @@ class ClusterWorkers:
             return ""
         return f"the cluster at {self._address} has no workers; waiting for the first"
 
-    def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord | None]:
+    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | None]:
         """See :class:`verefine_viz.batch.run_batch.Workers`."""
         self._set_up()
         queue = WorkQueue(frames, self._work.line_of)
@@ -164,7 +163,6 @@ class ClusterWorkers:
                 if frame is None:
                     break
                 running[self._submitted(frame)] = frame
-                pace.begin(frame, time.monotonic())
             if not running:
                 return
             done = self._done(list(running))
@@ -172,9 +170,7 @@ class ClusterWorkers:
                 yield None
             for future in done:
                 frame = running.pop(future)
-                result = self._result(frame, future)
-                pace.end(frame, time.monotonic(), result.end)
-                yield result
+                yield self._result(frame, future)
                 future.release()
 
     def close(self) -> None:

@@ -58,9 +58,6 @@ class DrawWork:
     def line_of(self, item: ToDraw) -> None:
         """One at any time."""
 
-    def end_of(self, result: DrawnRun) -> None:
-        """Unknown: no time of the run itself."""
-
 
 def to_draw(path: Path) -> tuple[ToDraw, ...]:
     """What there is to draw: the run file ``path``, or those of a batch folder that have no recording and did not fail.

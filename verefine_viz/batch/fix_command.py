@@ -7,9 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.markup import escape
-from rich.table import Table
-
 from verefine_viz.batch.batch_command import failed, solved_jobs
 from verefine_viz.batch.fix_files import CSV_FILE, FixRow, FixTable, best_row, fix_folder, write_fix
 from verefine_viz.batch.index import BatchIndex, find_runs, has_finished_frame, read_batch
@@ -25,14 +22,12 @@ from verefine_viz.batch.remedy_trials import (
 )
 from verefine_viz.batch.run_batch import Backend
 from verefine_viz.batch.runs import RUN_FILE
-from verefine_viz.batch.terminal import Terminal
+from verefine_viz.core.console import PrintedTable, print_table
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.remedies import Remedy
 from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import say
 from verefine_viz.run.session_file import save_session
-
-LOG_WIDTH = 140
-"""Where there is no terminal [characters]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,33 +94,29 @@ def run_fix(request: FixRequest, backend: Backend, write: Path | None, retry_fai
     outcomes = [outcome for _, outcome in solved_jobs([*jobs_of(trials)], backend, retry_failed, "solve")]
     table = request.table(trials, runs)
     write_fix(table, request.target)
-    console = Terminal(highlight=False, soft_wrap=True)
-    console.width = console.width if console.is_terminal else LOG_WIDTH
-    console.print(printed(table))
+    print_table(printed(table))
     n_failed = sum(outcome.n_failed for outcome in outcomes)
     if n_failed:
-        console.print(failed(n_failed))
-    console.print(escape(f"Table in {request.target / CSV_FILE}"))
+        say(failed(n_failed))
+    say(f"Table in {request.target / CSV_FILE}")
     if write is not None:
         chosen = request.together or (best_row(table).remedy,)
         for path in write_sessions(chosen, trials, runs, write):
-            console.print(escape(f"{TOGETHER.join(chosen)}: session in {path}"))
+            say(f"{TOGETHER.join(chosen)}: session in {path}")
     return 0 if all(outcome.is_whole for outcome in outcomes) else 1
 
 
-def printed(table: FixTable) -> Table:
+def printed(table: FixTable) -> PrintedTable:
     """The table for a terminal."""
     has_fit = any(row.judged_by == "fit" for row in table.rows)
-    shown = Table(box=None, pad_edge=False, header_style="bold")
-    shown.add_column("remedy")
-    shown.add_column("cause")
-    for head in ("came right", *(["fit better", "worse"] if has_fit else []), "broke", "net gain", "s/frame"):
-        shown.add_column(head, justify="right", no_wrap=True)
+    by_fit = ("fit better", "worse") if has_fit else ()
+    headings = ("remedy", "cause", "came right", *by_fit, "broke", "net gain", "s/frame")
+    rows = []
     for row in table.rows:
         gained, fit = f"{row.came_right} of {row.tried}", row.judged_by == "fit"
         numbers = [["", gained, str(row.worse)] if fit else [gained, "", ""], [gained]][not has_fit]
-        shown.add_row(escape(row.remedy), row.cause_words, *numbers, *_lost(row))
-    return shown
+        rows.append((row.remedy, row.cause_words, *numbers, *_lost(row)))
+    return PrintedTable("", headings, tuple(rows), n_words=2)
 
 
 def _lost(row: FixRow) -> tuple[str, str, str]:

@@ -10,7 +10,7 @@ from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.frame_names import parse_frame
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
-from verefine_viz.run.record import RunEnd, RunRecord
+from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_header import failed_run
 from verefine_viz.run.session_parts import weights_of
 
@@ -38,6 +38,3 @@ class FrameWork:
     def line_of(self, item: str) -> Hashable:
         """The scene, where each frame begins with the answers of those before."""
         return parse_frame(item)[0] if self.session.method.track else None
-
-    def end_of(self, result: RunRecord) -> RunEnd | None:
-        return result.end

@@ -29,7 +29,6 @@ from verefine_viz.batch.machine import (
     temporary_folder,
 )
 from verefine_viz.batch.motion_table import MOTION, MotionTrack, read_tracks
-from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.runs import RUN_FILE, BatchInfo, RunTotals, read_run
 from verefine_viz.batch.sequence_output import SequenceOutput, is_sequence
 from verefine_viz.batch.session_check import check
@@ -49,8 +48,6 @@ from verefine_viz.scenes.source import SceneSource
 
 NEEDED_BYTES = 1_000_000
 """With less free space than this on the disk, a frame fails because of it: a recording takes about as much."""
-COUNT_S = 1.0
-"""Most time for counting objects, which says how long frames take."""
 _MOST_DAMAGED = 3
 """Damaged run files that are quoted; the others are counted."""
 
@@ -58,11 +55,11 @@ _MOST_DAMAGED = 3
 class Workers(Protocol):
     """Where frames are solved: processes of this machine, or a cluster."""
 
-    def solve(self, frames: Iterable[str], pace: Pace, /) -> Iterator[RunRecord | str | None]:
+    def solve(self, frames: Iterable[str], /) -> Iterator[RunRecord | str | None]:
         """The results of ``frames``, each once, in the order in which they are done; None where none came for a while.
 
         In between, once each, sentences on what takes longer than usual. The next of ``frames`` is taken when a worker
-        is free, so there may be any number. ``pace`` is shown when each begins and ends, by :func:`time.monotonic`.
+        is free, so there may be any number.
         """
         ...
 
@@ -173,7 +170,6 @@ def run_batch(
     retry_failed: bool = False,
     task: TaskName = "solve",
     workers: Workers | None = None,
-    pace: Pace | None = None,
 ) -> BatchOutcome:
     """Solves every frame of ``session`` into ``out``; goes on where an earlier start of the same batch stopped.
 
@@ -189,17 +185,16 @@ def run_batch(
             read, or whose recording is gone.
         task: what to do with each frame.
         workers: ready for this session and folder, and left running; None: some are started, and closed at the end.
-        pace: of the frames; that of one batch may go on in the next.
 
     Raises:
         VerefineError: the session or ``out`` cannot be used, or the cluster is gone. A frame that fails does not raise.
     """
     if workers is None:
         with closing(backend.workers(session, out.absolute(), task)) as own:
-            return run_batch(session, out, backend, report, retry_failed, task, own, pace)
+            return run_batch(session, out, backend, report, retry_failed, task, own)
     frames, notes = check(session)
     with closing(RunFolder(out, session)) as folder:
-        batch = _Batch(session, folder, frames, workers, backend, notes, task, Pace() if pace is None else pace)
+        batch = _Batch(session, folder, frames, workers, backend, notes, task)
         return batch.run(report, retry_failed)
 
 
@@ -212,7 +207,6 @@ class _Batch:
     backend: Backend
     notes: Sequence[str]
     task: TaskName
-    pace: Pace
     counts: BatchCounts = field(default_factory=BatchCounts)
     n_resumed: int = 0
     started: float = field(default_factory=time.perf_counter)
@@ -240,8 +234,7 @@ class _Batch:
             report(self._progress())
             for note in (*self.notes, *_damaged_entries(files)):
                 report(self._progress(f"note: {note}"))
-            self.pace.expect(self._n_objects(missing))
-            for result in self.workers.solve(missing, self.pace):
+            for result in self.workers.solve(missing):
                 if isinstance(result, RunRecord):
                     self._save(result)
                 report(self._progress(result if isinstance(result, str) else ""))
@@ -307,15 +300,6 @@ class _Batch:
             self.folder.runs.save(self.session, record)
         assert record.end is not None
         self.counts.add(record.end)
-
-    def _n_objects(self, frames: Sequence[str]) -> dict[str, int]:
-        """How many objects frames have by ground truth; of as many as are counted in :data:`COUNT_S`."""
-        until, counted = time.monotonic() + COUNT_S, dict[str, int]()
-        for frame in frames if self.session.scene.source == "bop" else ():
-            if time.monotonic() > until:
-                break
-            counted[frame] = max(len(self._objects_in(frame, "")), 1)
-        return counted
 
     def _objects_in(self, frame: str, why: str) -> Sequence[LeftOut]:
         """What a failed frame would have held."""

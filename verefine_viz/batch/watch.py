@@ -23,7 +23,6 @@ from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.motion_table import MotionTrack, motion_rows, tracks_of
-from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.run_batch import Backend, BatchStatus, run_batch
 from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.sequence_output import SequenceOutput, is_sequence
@@ -328,8 +327,8 @@ class _Newest:
     pool: Pool[str, RunRecord]
     watched: WatchedDataset
 
-    def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord | str | None]:
-        return self.pool.solve(self._wanted(self.watched.session), pace)
+    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | str | None]:
+        return self.pool.solve(self._wanted(self.watched.session))
 
     def _wanted(self, session: Session) -> Iterator[str]:
         """Until nothing is ready, or needs another session."""

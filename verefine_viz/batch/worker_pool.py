@@ -9,11 +9,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import connection, get_context
 from multiprocessing.process import BaseProcess
-from time import monotonic
 from typing import Generic, TypeVar
 
 from verefine_viz.batch.machine import SHARE, gigabytes, machine_bytes, peak_bytes, resident_bytes
-from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.work_queue import WorkQueue
 from verefine_viz.batch.worker_process import work
 from verefine_viz.batch.worker_tasks import Work
@@ -105,9 +103,9 @@ class Pool(Generic[Item, Result]):
         self._work = work
         self._tries.clear()
 
-    def solve(self, items: Iterable[Item], pace: Pace | None = None) -> Iterator[Result | str | None]:
+    def solve(self, items: Iterable[Item]) -> Iterator[Result | str | None]:
         """The results of ``items``: see :class:`verefine_viz.batch.run_batch.Workers`."""
-        of, pace = self._work, pace or Pace()
+        of = self._work
         queue = WorkQueue(items, of.line_of)
         idle, busy = list(self._workers), dict[_Worker[Item, Result], Item]()
 
@@ -119,7 +117,6 @@ class Pool(Generic[Item, Result]):
                 worker = idle.pop() if idle else self._added()
                 busy[worker] = item
                 worker.give(of, item)
-                pace.begin(item, monotonic())
 
         give_out()
         while busy:
@@ -129,13 +126,11 @@ class Pool(Generic[Item, Result]):
             for worker in [w for w in busy if w.channel in ready]:
                 result = worker.answer()
                 if isinstance(result, str):
-                    pace.slow_down(busy[worker], result)
                     if result not in self._reported:
                         self._reported.add(result)
                         yield result
                     continue
                 item = busy.pop(worker)
-                pace.end(item, monotonic(), None if result is None else of.end_of(result))
                 if result is not None and self._fits(worker):
                     idle.append(worker)
                 else:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Literal, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from verefine_viz.core.progress_token import ProgressToken
-    from verefine_viz.run.record import RunEnd
 
 ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables that are set to 1 before a worker loads numpy or numba."""
@@ -18,7 +17,7 @@ TaskName = Literal["solve", "explain", "estimate"]
 """What workers do with a frame: solve it; solve it and explain wrong answers; only make initial poses."""
 
 Item = TypeVar("Item", bound=Hashable, contravariant=True)
-Result = TypeVar("Result")
+Result = TypeVar("Result", covariant=True)
 
 
 class Work(Protocol[Item, Result]):
@@ -39,8 +38,4 @@ class Work(Protocol[Item, Result]):
 
     def line_of(self, item: Item) -> Hashable:
         """Items of the same line are solved one after the other; None = at any time."""
-        ...
-
-    def end_of(self, result: Result) -> RunEnd | None:
-        """What the worker needed for this item alone; None = unknown."""
         ...

@@ -21,6 +21,12 @@ class CheckRow:
     is_checked: bool = True
     """False where something else has to be mended first; ``result`` says what."""
 
+    @property
+    def cells(self) -> tuple[str, str, str]:
+        """The row as it is printed."""
+        mark = "look" if self.advice else "ok" if self.is_checked else "–"
+        return self.name, mark, self.result + (f"\n→ {self.advice}" if self.advice else "")
+
 
 @dataclass
 class Parts:

@@ -104,16 +104,16 @@ class Datasets:
 
 
 def _list(folder: Path) -> int:
-    from rich.markup import escape
+    from rich.text import Text
 
-    from verefine_viz.batch.terminal import Terminal
+    from verefine_viz.core.console import Terminal
 
-    console = Terminal(highlight=False, soft_wrap=True)
+    console = Terminal()
     for entry in CATALOGUE:
-        console.print(f"[bold]{entry.name}[/]  {escape(entry.title)}: {escape(entry.used_for)}")
+        console.print(Text.assemble((entry.name, "bold"), f"  {entry.title}: {entry.used_for}"))
         for line in (*_fetch_instructions(entry, folder), *entry.notes):
-            console.print(f"      {escape(line)}")
-    console.print("verefine-viz datasets fetch NAME downloads; datasets check DIR checks what is there.")
+            say(f"      {line}")
+    say("verefine-viz datasets fetch NAME downloads; datasets check DIR checks what is there.")
     return 0
 
 
@@ -175,14 +175,13 @@ def _download(entry: PublicDataset, folder: Path) -> list[Path]:
 def _check(folder: Path, sensor: str) -> int:
     """0 where no part needs a look, else 1; the last line says so."""
     from rich.markup import escape
-    from rich.table import Table
 
-    from verefine_viz.batch.terminal import Terminal
     from verefine_viz.commands.dataset_check import check_split
     from verefine_viz.commands.dataset_parts import runnable_parts, splits_of
+    from verefine_viz.core.console import Terminal, print_checks
     from verefine_viz.scenes.bop_files import inside_dataset
 
-    console = Terminal(highlight=False)
+    console = Terminal()
     faulty: list[str] = []
     if inside := inside_dataset(folder):
         say(one_line(f"{folder} lies in the data set {inside.dataset}; its split {inside.split} is checked"))
@@ -190,22 +189,13 @@ def _check(folder: Path, sensor: str) -> int:
     for split in splits:
         with console.status(f"checking {escape(split)}"):
             parts = check_split(folder, split, sensor)
-        table = Table(title=escape(f"{folder.name} {split}"))
-        for column in ("part", "", "result"):
-            table.add_column(column, no_wrap=column != "result")
-        for row in parts.findings:
-            mark = "[yellow]look[/]" if row.advice else "[green]ok[/]" if row.is_checked else "–"
-            table.add_row(escape(row.name), mark, escape(row.result + (f"\n→ {row.advice}" if row.advice else "")))
-            faulty += [row.name] * bool(row.advice)
-        console.print(table)
+        print_checks(f"{folder.name} {split}", "part", [row.cells for row in parts.findings])
+        faulty += [row.name for row in parts.findings if row.advice]
         for what, missing in runnable_parts(parts):
-            console.print(
-                escape(f"{'cannot' if missing else 'can'} run: {what}" + (f"; missing {missing}" * bool(missing))),
-                soft_wrap=True,
-            )
+            say(f"{'cannot' if missing else 'can'} run: {what}" + (f"; missing {missing}" * bool(missing)))
     if not faulty:
-        console.print("No part needs a look: exit code 0.")
+        say("No part needs a look: exit code 0.")
         return 0
     how_many = "1 part needs" if len(faulty) == 1 else f"{len(faulty)} parts need"
-    console.print(escape(f"{how_many} a look, hence exit code 1: {', '.join(faulty)}."), soft_wrap=True)
+    say(f"{how_many} a look, hence exit code 1: {', '.join(faulty)}.")
     return 1

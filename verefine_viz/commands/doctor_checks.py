@@ -46,6 +46,12 @@ class Check:
     """False: something works less well without it, but everything else does."""
     advice: str = ""
 
+    @property
+    def cells(self) -> tuple[str, str, str]:
+        """The row as it is printed."""
+        mark = "ok" if self.ok else "fails" if self.needed else "missing"
+        return self.name, mark, self.result + (f"\n→ {self.advice}" if self.advice and not self.ok else "")
+
 
 def all_checks() -> list[Callable[[], Check]]:
     """The rows in the order in which they are shown."""

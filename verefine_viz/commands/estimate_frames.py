@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import structs
-from rich.markup import escape
 
 from verefine_viz.batch.batch_command import unreadable
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import check_outside
 from verefine_viz.batch.progress import BatchProgress
 from verefine_viz.batch.run_batch import Backend, BatchOutcome, run_batch
-from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
@@ -56,8 +54,8 @@ def write_pools(
     clear_parts(out.parent, out.name)
     journal = out.with_name(f"{out.name}.journal")
     check_no_link(journal)
-    with BatchProgress(Terminal(stderr=True)).shown() as progress, progress.run(out.name) as report:
-        outcome = run_batch(session, journal, Backend(n_workers), report, retry_failed, "estimate", pace=progress.pace)
+    with BatchProgress().run(out.name) as report:
+        outcome = run_batch(session, journal, Backend(n_workers), report, retry_failed, "estimate")
     rows = read_batch(journal).rows
     n_hypotheses = sum(row.n_hypotheses for row in rows)
     if n_hypotheses:
@@ -80,23 +78,22 @@ def _only_estimating(session: Session) -> Session:
 
 
 def _print_summary(outcome: BatchOutcome, n_hypotheses: int, lacking: list[Answer], out: Path) -> None:
-    console = Terminal(highlight=False, soft_wrap=True)
     numbers = outcome.totals
     before = f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""
     counts = f"{numbers['frames']} frames{before}, {numbers['objects']} objects, {n_hypotheses} hypotheses"
     where = f"Results in {out}" if n_hypotheses else f"No pose was found, so {out} was not written"
-    console.print(escape(f"{counts}; {outcome.seconds:.1f} s. {where}"))
+    say(f"{counts}; {outcome.seconds:.1f} s. {where}")
     for row in lacking[:MOST_SHOWN]:
         number = "" if row.instance_id is None else f" (#{row.instance_id})"
         why = f", {row.message}" if row.status == "left_out" else ""
-        console.print(escape(f"frame {row.frame}: no hypothesis for {row.name}{number}{why}"))
+        say(f"frame {row.frame}: no hypothesis for {row.name}{number}{why}")
     if len(lacking) > MOST_SHOWN:
-        console.print(f"… and {len(lacking) - MOST_SHOWN} more objects without a hypothesis")
+        say(f"… and {len(lacking) - MOST_SHOWN} more objects without a hypothesis")
     for frame, why in outcome.failures:
-        console.print(escape(f"frame {frame} failed: {why}"))
+        say(f"frame {frame} failed: {why}")
     if outcome.n_failed:
-        console.print(f"{outcome.n_failed} failed; the same command with --retry-failed tries them again.")
+        say(f"{outcome.n_failed} failed; the same command with --retry-failed tries them again.")
     if outcome.n_unreadable:
-        console.print(unreadable(outcome.n_unreadable, "see above"))
+        say(unreadable(outcome.n_unreadable, "see above"))
     for line in (*outcome.notes, *outcome.faults):
-        console.print(escape(line))
+        say(line)

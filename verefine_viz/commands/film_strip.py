@@ -37,7 +37,7 @@ class FilmCommand:
         if self.out.suffix.lower() not in ENDINGS:
             raise InputError(f"--out is {self.out.name}, expected a name that ends in .png or .gif")
         check_file(self.out, "film.png")
-        from verefine_viz.batch.terminal import Terminal
+        from verefine_viz.core.console import Terminal
         from verefine_viz.page.film_file import write_film
         from verefine_viz.page.share import opened
         from verefine_viz.run.built_in_sessions import named_session

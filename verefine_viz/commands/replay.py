@@ -72,8 +72,8 @@ def _draw(paths: Sequence[Path], out: Path | None, n_workers: int) -> int:
     from dataclasses import replace
 
     from verefine_viz.batch.draw_recordings import draw_recordings, to_draw
-    from verefine_viz.batch.progress import counted_bar
     from verefine_viz.commands.flags import check_workers
+    from verefine_viz.core.console import ProgressBar
 
     check_workers(n_workers)
     wanted = [one for path in paths for one in to_draw(path)]
@@ -83,8 +83,8 @@ def _draw(paths: Sequence[Path], out: Path | None, n_workers: int) -> int:
                 "--out names the recording of a single run file; recordings of others go beside their runs"
             )
         wanted = [replace(wanted[0], recording=out)]
-    with counted_bar("recordings") as report:
-        faults = [one.fault for one in draw_recordings(wanted, n_workers, report) if one.fault] if wanted else []
+    with ProgressBar("recordings") as bar:
+        faults = [one.fault for one in draw_recordings(wanted, n_workers, bar.show) if one.fault] if wanted else []
     for fault in faults:
         say(f"verefine-viz: {fault}", sys.stderr)
     n, where = len(wanted) - len(faults), sorted({one.recording.parent for one in wanted})

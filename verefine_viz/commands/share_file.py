@@ -31,7 +31,7 @@ class ShareCommand:
     """Put the 3D view into the file, about 1 MB."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        from verefine_viz.batch.terminal import Terminal
+        from verefine_viz.core.console import Terminal
         from verefine_viz.page.share import share
 
         if self.what is None:

@@ -14,10 +14,9 @@ from msgspec import structs
 from verefine_viz.batch.frame_work import FrameWork
 from verefine_viz.batch.index import BatchIndex, batch_of, read_batch
 from verefine_viz.batch.jobs import check_outside
-from verefine_viz.batch.progress import BatchProgress, counted_bar
+from verefine_viz.batch.progress import BatchProgress
 from verefine_viz.batch.run_batch import Backend, BatchStatus, run_batch
 from verefine_viz.batch.runs import RUN_FILE, Runs
-from verefine_viz.batch.terminal import Terminal
 from verefine_viz.batch.this_process import ThisProcess
 from verefine_viz.batch.worker_tasks import MOST_PER_CORE, TaskName
 from verefine_viz.core.arguments import (
@@ -28,6 +27,7 @@ from verefine_viz.core.arguments import (
     checked_text,
     described,
 )
+from verefine_viz.core.console import ProgressBar
 from verefine_viz.core.errors import ArgumentTypeError, InputError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.library.frame_to_solve import AnyFrame, Frame, OpenedFrame, session_at, taken
@@ -241,7 +241,7 @@ def _shown(folder: Path, is_shown: bool) -> Iterator[Callable[[BatchStatus], Non
     if not is_shown:
         yield lambda _: None
         return
-    with BatchProgress(Terminal(stderr=True)).shown() as shown, shown.run(folder.name) as doing:
+    with BatchProgress().run(folder.name) as doing:
         yield doing
 
 
@@ -324,8 +324,8 @@ def report(
     embed, beside = checked_count(embed, "embed", 0, MOST_EMBEDDED), checked_count(beside, "beside", 0, MOST_EMBEDDED)
     pictures = checked_count(pictures, "pictures", 0, MOST_PICTURES)
     tools = report_tools(_checked_workers(workers))
-    shown = counted_bar("reading") if checked_flag(progress, "progress") else nullcontext(lambda what, done, of: None)
-    with shown as doing:
+    with ProgressBar("reading") if checked_flag(progress, "progress") else nullcontext() as bar:
+        doing = (lambda what, done, of: None) if bar is None else bar.show
         return report_of(folder, other, file, embed, beside, pictures, tools, doing)
 
 

@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from msgspec import structs
-from rich.markup import escape
 
 from verefine_viz.batch.fix_files import FixTable, read_fix
 from verefine_viz.batch.index import batch_of, find_runs
-from verefine_viz.batch.progress import counted_bar
 from verefine_viz.batch.runs import Runs
-from verefine_viz.batch.terminal import Terminal
+from verefine_viz.core.console import ProgressBar
 from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.text_format import say
 from verefine_viz.core.writing import atomic, check_no_link, clear_parts
 from verefine_viz.page.bundle import bundle, command_path, part, picture
 from verefine_viz.page.frame_messages import FrameMessage
@@ -76,12 +75,11 @@ def print_report(
     Raises:
         VerefineError: a folder is no run, or the file cannot be written.
     """
-    with counted_bar("reading") as progress:
-        report = report_of(folder, other, out, embed, beside, pictures, tools, progress)
-    console = Terminal(highlight=False, soft_wrap=True)
+    with ProgressBar("reading") as bar:
+        report = report_of(folder, other, out, embed, beside, pictures, tools, bar.show)
     for line in (*report.headlines, *report.notes):
-        console.print(escape(line))
-    console.print(escape(f"Report in {report.path} ({report.path.stat().st_size / 1e6:.1f} MB)"))
+        say(line)
+    say(f"Report in {report.path} ({report.path.stat().st_size / 1e6:.1f} MB)")
 
 
 def report_of(

@@ -85,8 +85,6 @@ HEADER = ",".join(column.name for column in COLUMNS) + "\n"
 STAGES = ("read", "prepare", "compile", "start", "iterate", "grasp", "record", "summarise", "explain")
 """What a frame's time goes to: images and clouds; models, most of it at the first frame that shows them; kernels, once
 after installing; first scores; iterations; grasps; recording; errors and rows; causes."""
-ONCE = ("prepare", "compile")
-"""The stages that later frames need not repeat."""
 SOLVING = ("start", "iterate")
 """The stages that are the method's own."""
 
@@ -125,11 +123,6 @@ def solving_s(end: RunEnd) -> float:
     """
     parts = [end.stages_ms[name] for name in SOLVING if name in end.stages_ms]
     return 1e-3 * sum(parts) if parts else end.seconds
-
-
-def once_s(end: RunEnd) -> float:
-    """Time for what later frames need not repeat [s]."""
-    return 1e-3 * sum(end.stages_ms.get(name, 0.0) for name in ONCE)
 
 
 def left_out_answer(frame: str, one: LeftOut, method: str, seed: int | None = None) -> Answer:

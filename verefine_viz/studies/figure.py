@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
+from verefine_viz.core.console import PrintedTable
 from verefine_viz.core.writing import atomic
 from verefine_viz.studies.claims import PanelLine
-from verefine_viz.studies.printed_table import PrintedTable, with_formulas
+from verefine_viz.studies.printed_table import with_formulas
 
 WIDTH_IN = 3.45
 """Width of a column of the paper's format."""
@@ -152,7 +153,7 @@ def _table(axes: Axes, table: PrintedTable, top: float) -> None:
         if r - 1 in table.rules:
             axes.plot((0.01, 0.99), (y - 0.5, y - 0.5), color="black", lw=0.3)
         for k, text in enumerate(row):
-            weight = "bold" if (r - 1, k) in table.best else "normal"
+            weight = "bold" if (r - 1, k) in table.styles else "normal"
             x, side = (right[k], "right") if k else (0.01, "left")
             axes.text(x, y, with_formulas(text), ha=side, va="center", weight=weight, size=size)
 

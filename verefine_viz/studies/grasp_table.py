@@ -9,17 +9,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.markup import escape
 from scipy.stats import binomtest
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.console import PrintedTable, print_table
+from verefine_viz.core.text_format import say
 from verefine_viz.studies.claims import PanelLine
 from verefine_viz.studies.figure import Diagram, draw_curves, draw_tables, save
 from verefine_viz.studies.grasping_study import TABLE
-from verefine_viz.studies.printed_table import PrintedTable
+from verefine_viz.studies.printed_table import latex, markdown
 from verefine_viz.studies.solve_unit import UnitAnswer
 from verefine_viz.studies.study_plan import Claim, Panel, Study
-from verefine_viz.studies.study_report import About, names_of, printing_console, write_rows, write_text
+from verefine_viz.studies.study_report import About, names_of, write_rows, write_text
 
 RESAMPLES = 2000
 """Draws of the bootstrap."""
@@ -136,20 +137,19 @@ def report_grasps(study: Study, outcomes: Sequence[UnitAnswer], out: Path, about
     write_rows(out / "grasping_order.csv", [_order_row(order) for order in orders])
     table = _printed(study, rows)
     tables = save(draw_tables([table], about.mark), out, "grasping_table")
-    write_text(out / "grasping.tex", ["% needs \\usepackage{booktabs}", table.latex()])
+    write_text(out / "grasping.tex", ["% needs \\usepackage{booktabs}", latex(table)])
     diagrams = _diagrams(study, rows)
     curves = save(draw_curves(diagrams, about.mark), out, "grasping") if diagrams else ()
     text = [f"# {study.title}", "", f"{about.data}.", "", *([f"{about.mark}.", ""] if about.mark else [])]
-    text += [table.markdown(), "", *(f"- {order}" for order in orders), ""]
+    text += [markdown(table), "", *(f"- {order}" for order in orders), ""]
     text += [f"![{study.title}](grasping.png)", ""] if diagrams else []
     text += [*PAPER_TABLE, "", *_differences(sorted({o.answer.name for o in outcomes}))]
     write_text(out / "grasping.md", text)
-    console = printing_console()
-    console.print(table.terminal())
+    print_table(table)
     for order in orders:
-        console.print(escape(str(order)))
-    console.print(escape(f"Table: {names_of(tables)}, grasping.tex, grasping.md"))
-    console.print(escape(f"Curves: {names_of(curves) or 'none yet'}; numbers: grasping.csv"))
+        say(order)
+    say(f"Table: {names_of(tables)}, grasping.tex, grasping.md")
+    say(f"Curves: {names_of(curves) or 'none yet'}; numbers: grasping.csv")
 
 
 def _order_row(o: GraspOrder) -> dict[str, object]:

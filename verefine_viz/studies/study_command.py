@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from msgspec import structs
-from rich.markup import escape
 
-from verefine_viz.batch.progress import counted_bar
-from verefine_viz.batch.terminal import Terminal
+from verefine_viz.core.console import ProgressBar
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import say
 from verefine_viz.core.writing import check_no_link, clear_parts
 from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.grasp_table import report_grasps
@@ -75,23 +75,19 @@ def run_one(
         n_seeds = 1  # nothing is drawn
     folder, n_done, n_all = out / f"{name}.journal", 0, 0
     check_no_link(folder)
-    stderr = Terminal(stderr=True, highlight=False, soft_wrap=True)
     try:
-        with counted_bar(f"study {name}") as report:
+        with ProgressBar(f"study {name}") as bar:
 
             def progress(done: int, total: int) -> None:
                 nonlocal n_done, n_all
                 n_done, n_all = done, total
-                report(f"study {name}", done, total)
+                bar.show(f"study {name}", done, total)
 
-            def announce(doing: str) -> None:
-                stderr.print(escape(doing))
-
-            outcome = run_study(request, sessions, n_seeds, workers, folder, progress, announce)
+            outcome = run_study(request, sessions, n_seeds, workers, folder, progress, bar.say)
     except KeyboardInterrupt:
         if n_done:
             part = f"stopped after {n_done} of {n_all} runs"
-            stderr.print(f"study {name}: {part}; writing them, the same command goes on")
+            say(f"study {name}: {part}; writing them, the same command goes on", sys.stderr)
             _write_results(request, sessions, n_seeds, saved_outcome(request, sessions, n_seeds, folder), out, part)
         raise
     n_failed = len(outcome.failures)
@@ -99,9 +95,9 @@ def run_one(
         request, sessions, n_seeds, outcome, out, f"without {n_failed} of {n_all} runs, which failed" * bool(n_failed)
     )
     for failed in outcome.failures[:MOST_FAILURES]:
-        stderr.print(escape(f"{failed.unit.stem}: {failed.failure}"))
+        say(f"{failed.unit.stem}: {failed.failure}", sys.stderr)
     if n_failed:
-        stderr.print(f"study {name}: {n_failed} of {n_all} runs failed; the same command tries them again")
+        say(f"study {name}: {n_failed} of {n_all} runs failed; the same command tries them again", sys.stderr)
     return 1 if n_failed else 0
 
 

@@ -7,20 +7,17 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.markup import escape
-
-from verefine_viz.batch.terminal import Terminal
+from verefine_viz.core.console import PrintedTable, print_table
 from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import say
 from verefine_viz.core.writing import atomic
 from verefine_viz.studies.claims import ClaimVerdict, Points, lines, missing_curves, points_of, rows, verdicts
 from verefine_viz.studies.figure import Diagram, draw_curves, draw_tables, save
 from verefine_viz.studies.paper_tables import MCTS, PAPER, PaperTable, missing_rows, paper_table
-from verefine_viz.studies.printed_table import PrintedTable
+from verefine_viz.studies.printed_table import latex, markdown
 from verefine_viz.studies.solve_unit import UnitAnswer
 from verefine_viz.studies.study_plan import Panel, Study
 
-FILE_COLUMNS = 200
-"""Width of what is printed into a file."""
 METRICS = {"VSD": "ar_vsd", "MSPD": "ar_mspd", "MSSD": "ar_mssd", "AR": "ar"}
 """In the paper's order; larger is better."""
 ERRORS = {"r̄ [°]": "rotation_deg", "t̄ [cm]": "translation_cm"}
@@ -58,9 +55,8 @@ def report_curves(study: Study, outcomes: Sequence[UnitAnswer], out: Path, about
     text = [f"# {study.title}", "", *_head(about, study.panels[0].budget), f"![{study.title}]({study.name}.png)", ""]
     text += ["Bands and brackets are 95 % intervals over frames and objects.", "", *_claims(study, points)]
     write_text(out / f"{study.name}.md", text)
-    console = printing_console()
-    _print_claims(console, study, points)
-    console.print(escape(f"Figure: {names_of(files)}; numbers: {study.name}.csv; claims: {study.name}.md"))
+    _print_claims(study, points)
+    say(f"Figure: {names_of(files)}; numbers: {study.name}.csv; claims: {study.name}.md")
 
 
 def report_tables(
@@ -78,22 +74,21 @@ def report_tables(
     n_frames = len({(o.scene, o.answer.frame) for o in outcomes})
     tables = [printed(panel, numbers, paper_table(panel.name, sessions, n_frames)) for panel in study.panels]
     files = save(draw_tables(tables, about.mark), out, "tables")
-    write_text(out / "tables.tex", ["% needs \\usepackage{booktabs}", f"% {TABLE_NOTE}", *(t.latex() for t in tables)])
+    write_text(out / "tables.tex", ["% needs \\usepackage{booktabs}", f"% {TABLE_NOTE}", *map(latex, tables)])
     reasons = _reasons(study, missing)
     others = [f"- {sentence}" for sentence in missing_rows(sessions, n_frames)]
-    text = [f"# {study.title}", "", *_head(about, ""), TABLE_NOTE, "", *(f"{t.markdown()}\n" for t in tables)]
+    text = [f"# {study.title}", "", *_head(about, ""), TABLE_NOTE, "", *(f"{markdown(t)}\n" for t in tables)]
     text += [*_listed("Rows without numbers", reasons), "## The paper's claims on these data", ""]
     text += [*_claims(study, points), *_listed("Tables of the paper that these data do not make", others)]
-    text += [f"{printed_paper_table(table).markdown()}\n" for table in PAPER]
+    text += [f"{markdown(printed_paper_table(table))}\n" for table in PAPER]
     write_text(out / "tables.md", text)
-    console = printing_console()
     for table in tables:
-        console.print(table.terminal())
-    console.print(escape(TABLE_NOTE))
-    _print_claims(console, study, points)
+        print_table(table)
+    say(TABLE_NOTE)
+    _print_claims(study, points)
     for line in (*reasons, *others):
-        console.print(escape(line))
-    console.print(escape(f"Tables: {names_of(files)}, tables.tex, tables.md; numbers: tables.csv"))
+        say(line)
+    say(f"Tables: {names_of(files)}, tables.tex, tables.md; numbers: tables.csv")
 
 
 def printed(panel: Panel, numbers: Iterable[Mapping[str, str | float]], paper: PaperTable | None) -> PrintedTable:
@@ -118,18 +113,18 @@ def printed(panel: Panel, numbers: Iterable[Mapping[str, str | float]], paper: P
         )
         for label in labels
     ]
-    best: set[tuple[int, int]] = set()
+    best: dict[tuple[int, int], str] = {}
     for k, name in enumerate(columns.values(), start=1):
         values = {r: float(row[k]) for r, row in enumerate(cells) if row[0] in by_curve}
         if len(values) > 1:
             first = (max if name in METRICS.values() else min)(values.values())
-            best |= {(r, k) for r, value in values.items() if value == first}
+            best |= {(r, k): "bold" for r, value in values.items() if value == first}
     in_paper = " and ".join(f"Table {table.number}" for table in PAPER if table.panel == panel.name)
     return PrintedTable(
         f"{panel.name}, as in {in_paper}" if in_paper else panel.name,
         ("", *columns, "T [s]" if is_search else "T [ms]", "#ref", "paper"),
         tuple(cells),
-        frozenset(best),
+        best,
         # Above each run of the refiner alone.
         tuple(r for r, label in enumerate(labels) if r and label.startswith(f"{panel.name},")),
         f"{panel.budget}. {ERROR_NOTE}" if is_search else f"{panel.budget}.",
@@ -214,19 +209,13 @@ def _claimed(verdict: ClaimVerdict) -> str:
     return f"{verdict.about} ({verdict.claim.reading})" if verdict.claim.reading else verdict.about
 
 
-def _print_claims(console: Terminal, study: Study, points: Points) -> None:
+def _print_claims(study: Study, points: Points) -> None:
     for panel in study.panels:
         tested = verdicts(panel, points)
         if tested:
-            console.print(f"[bold]{escape(panel.name)}[/bold]: the paper's claims here")
+            say(f"{panel.name}: the paper's claims here")
         for verdict in tested:
-            console.print(escape(f"  {verdict}"))
-
-
-def printing_console() -> Terminal:
-    """For results; a file has long lines."""
-    console = Terminal(highlight=False, soft_wrap=True)
-    return console if console.is_terminal else Terminal(highlight=False, soft_wrap=True, width=FILE_COLUMNS)
+            say(f"  {verdict}")
 
 
 def names_of(files: Sequence[Path]) -> str:

@@ -10,7 +10,6 @@ from verefine_viz.batch.failures import why_failed
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.run.kernel_compilation import compiling_reported
-from verefine_viz.run.record import RunEnd
 from verefine_viz.studies.solve_unit import Solver
 from verefine_viz.studies.study_folder import UnitResult
 from verefine_viz.studies.study_plan import Unit
@@ -43,7 +42,4 @@ class UnitWork:
         return UnitResult(item, (), why)
 
     def line_of(self, item: Unit) -> Hashable:
-        return None
-
-    def end_of(self, result: UnitResult) -> RunEnd | None:
         return None

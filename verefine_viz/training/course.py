@@ -16,13 +16,25 @@ import torch
 import verefine_viz
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.writing import atomic
-from verefine_viz.training.progress_bar import TrainingProgress
 
 CHECKPOINT_FORMAT = 1
 SAVED_EVERY_S = 60.0
 """Time between two checkpoints [s]."""
 LOSSES = 20
 """How many numbers of the course of the loss a card has."""
+
+
+@dataclass(frozen=True)
+class TrainingProgress:
+    """How far a training is."""
+
+    step: int
+    n_steps: int | None
+    """None until the first steps are timed."""
+    loss: float
+    """Mean since the last report."""
+    error: float
+    """Mean of the error that is left; its unit is the training's."""
 
 
 @dataclass(eq=False)
@@ -46,8 +58,8 @@ class Course:
     """(step, loss, error), means between reports."""
 
     def __post_init__(self) -> None:
-        self._first_step, self._recent = 0, []
-        self._began = self._saved_at = self._timed_from = perf_counter()
+        self._recent = []
+        self._saved_at = self._timed_from = perf_counter()
 
     @property
     def is_over(self) -> bool:
@@ -62,7 +74,7 @@ class Course:
         if not self.checkpoint.exists():
             return None
         saved = read_checkpoint(self.checkpoint, self.made_with, self.n_steps)
-        self.step = self._first_step = saved["step"]
+        self.step = saved["step"]
         self.n_steps, self.losses = saved["n_steps"], [tuple(row) for row in saved["losses"]]
         return saved
 
@@ -88,9 +100,7 @@ class Course:
         loss, error = (float(x) for x in np.mean(self._recent, axis=0))
         self.losses.append((self.step, loss, error))
         self._recent.clear()
-        pace = (perf_counter() - self._began) / (self.step - self._first_step)
-        left = None if self.n_steps is None else (self.n_steps - self.step) * pace / 60
-        self.report(TrainingProgress(self.step, self.n_steps, loss, error, left))
+        self.report(TrainingProgress(self.step, self.n_steps, loss, error))
         if self.n_steps is not None and (perf_counter() - self._saved_at > SAVED_EVERY_S or self.is_over):
             course = {"losses": self.losses, "n_steps": self.n_steps, "step": self.step}
             write_checkpoint(self.checkpoint, self.made_with, {**state(), **course})

@@ -3,15 +3,16 @@
 # pyright: reportMissingImports=false
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
-from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
+from verefine_viz.core.console import ProgressBar
 from verefine_viz.core.geometry import nearest_rotation
+from verefine_viz.core.text_format import say
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.learned.densefusion_input import crop_of
 from verefine_viz.learned.densefusion_steps import (
@@ -30,8 +31,7 @@ from verefine_viz.networks.densefusion_networks import (
 )
 from verefine_viz.networks.onnx_export import onnx_bytes, with_card, write_network
 from verefine_viz.training.coloured_scenes import ColouredScenes, coloured_scenes
-from verefine_viz.training.course import losses_on_card, versions
-from verefine_viz.training.progress_bar import TrainingProgress, shown_progress
+from verefine_viz.training.course import TrainingProgress, losses_on_card, versions
 from verefine_viz.training.train_densefusion import SHARES, TrainedDenseFusion, train_densefusion
 
 HELD_OUT_PICTURES = 40
@@ -55,11 +55,14 @@ def train_both(
     Raises:
         VerefineError: something cannot be read or written, or the checkpoint is of another training.
     """
-    console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     checkpoint = out.with_name(f"{out.name}.checkpoint")
     size = SLIM if slim else OFFICIAL
     scenes = coloured_scenes(dataset, split, seed, size.is_halved)
-    with shown_progress(console, "densefusion", n_steps, describe) as report:
+    with ProgressBar("densefusion: drawing views") as bar:
+
+        def report(now: TrainingProgress) -> None:
+            bar.show("densefusion", now.step, now.n_steps, describe(now))
+
         trained = train_densefusion(scenes, size, n_points, seed, n_steps, minutes, checkpoint, report)
     files = {POSE_NET: out, REFINE_NET: out.with_name(f"{out.stem}_refine.onnx")}
     models = {POSE_NET: trained.pose, REFINE_NET: trained.refine}
@@ -72,26 +75,24 @@ def train_both(
     contents = {name: onnx_bytes(models[name], *examples[name], cards[name]) for name in files}
     for name, file in files.items():
         write_network(file, contents[name], cards[name])
-    console.print("Measuring them on pictures that they have not seen.")
+    say("Measuring them on pictures that they have not seen.", sys.stderr)
     measured = measured_on(coloured_scenes(dataset, split, seed + HELD_OUT_SEED), files[POSE_NET], files[REFINE_NET])
     for name, file in files.items():
         # Frames of a data set are drawn from the same frames again.
         cards[name]["measured_on"] = "the same frames in another order" if split else "other made-up views"
         cards[name]["measured"] = measured
         write_network(file, with_card(contents[name], cards[name]), cards[name])
-        console.print(
-            escape(f"{file}: {len(contents[name]) / 1e6:.2f} MB; {file.with_suffix('.json')}: its model card")
-        )
+        say(f"{file}: {len(contents[name]) / 1e6:.2f} MB; {file.with_suffix('.json')}: its model card", sys.stderr)
     checkpoint.unlink(missing_ok=True)
     for what, row in measured.items():
-        console.print(
+        say(
             f"{what}: ADD(-S) {row['median_percent_of_diameter']:.1f} % of the diameter (median of {row['n']}), "
-            f"{row['share_below_10_percent']:.0%} below 10 %"
+            f"{row['share_below_10_percent']:.0%} below 10 %",
+            sys.stderr,
         )
-    console.print(
-        escape(
-            f"To use them: --densefusion.weights {files[POSE_NET]} --densefusion.refiner-weights {files[REFINE_NET]}"
-        )
+    say(
+        f"To use them: --densefusion.weights {files[POSE_NET]} --densefusion.refiner-weights {files[REFINE_NET]}",
+        sys.stderr,
     )
     return 0
 

@@ -3,21 +3,21 @@
 # pyright: reportMissingImports=false
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
 import torch
-from rich.markup import escape
 
-from verefine_viz.batch.terminal import Terminal
+from verefine_viz.core.console import ProgressBar
+from verefine_viz.core.text_format import say
 from verefine_viz.learned.depth_crops import CHANNELS, FORMAT, SIDE_PX
 from verefine_viz.learned.onnx_network import OnnxNetwork
 from verefine_viz.networks.onnx_export import onnx_bytes, with_card, write_network
 from verefine_viz.refiners.depth_net import NETWORK
-from verefine_viz.training.course import losses_on_card, versions
+from verefine_viz.training.course import TrainingProgress, losses_on_card, versions
 from verefine_viz.training.depth_net_samples import LARGEST_DEG, LARGEST_SHIFT
 from verefine_viz.training.held_out import measured
-from verefine_viz.training.progress_bar import TrainingProgress, shown_progress
 from verefine_viz.training.synthetic_views import DISTANCE_M, FOCAL_PX, LEAST_VISIBLE, OBJECT_PX, OFF_AXIS_DEG
 from verefine_viz.training.train_depth_net import BATCH_SIZE, Trained, train
 from verefine_viz.training.training_shapes import DIAMETER_M, N_HELD_OUT, N_RANDOM
@@ -29,11 +29,14 @@ def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -
     Raises:
         InputError: something cannot be written, or the checkpoint is of another training.
     """
-    console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     checkpoint = out.with_name(f"{out.name}.checkpoint")
-    with shown_progress(console, NETWORK, n_steps, describe) as report:
+    with ProgressBar(f"{NETWORK}: drawing views") as bar:
+
+        def report(now: TrainingProgress) -> None:
+            bar.show(NETWORK, now.step, now.n_steps, describe(now))
+
         trained = train(seed, n_steps, minutes, checkpoint, report)
-    console.print("Measuring it on shapes that it has not seen.")
+    say("Measuring it on shapes that it has not seen.", sys.stderr)
     card = card_of(trained, seed, out.name)
     example, sizes = (torch.zeros(2, len(CHANNELS), SIDE_PX, SIDE_PX),), ({0: torch.export.Dim("n")},)
     content = onnx_bytes(trained.model, example, sizes, card)
@@ -41,13 +44,14 @@ def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -
     card["held_out"] = measured(OnnxNetwork(out, NETWORK, FORMAT))
     write_network(out, with_card(content, card), card)
     checkpoint.unlink(missing_ok=True)
-    console.print(escape(f"{out}: {len(content) / 1e6:.2f} MB; {out.with_suffix('.json')}: its model card"))
+    say(f"{out}: {len(content) / 1e6:.2f} MB; {out.with_suffix('.json')}: its model card", sys.stderr)
     for line in card["held_out"]:
-        console.print(
+        say(
             f"from {line['start_deg']:.0f}°: {line['median_start_percent_of_diameter']:.1f} % of the diameter → "
-            f"{line['median_percent_of_diameter']:.1f} %, {line['share_below_10_percent']:.0%} below 10 %"
+            f"{line['median_percent_of_diameter']:.1f} %, {line['share_below_10_percent']:.0%} below 10 %",
+            sys.stderr,
         )
-    console.print(escape(f"To use it: --method.refiner {NETWORK}_icp --depth-net.weights {out}"))
+    say(f"To use it: --method.refiner {NETWORK}_icp --depth-net.weights {out}", sys.stderr)
     return 0
 
 

@@ -18,10 +18,9 @@ from torch import Tensor, nn
 from verefine_viz.networks.densefusion_networks import PoseNet, PoseRefineNet, Size
 from verefine_viz.training.cached_samples import CachedSamples, SampleBatch, from_camera, from_starts
 from verefine_viz.training.coloured_scenes import ColouredScenes
-from verefine_viz.training.course import Course
+from verefine_viz.training.course import Course, TrainingProgress
 from verefine_viz.training.densefusion_loss import pose_loss, refine_loss, rotations
 from verefine_viz.training.densefusion_samples import Sample, TrainingSamples
-from verefine_viz.training.progress_bar import TrainingProgress
 
 BATCH_SIZE = 8
 """Samples of a step of the whole; their crops differ in size, so they go through the network one by one."""

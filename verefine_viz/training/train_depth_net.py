@@ -13,10 +13,9 @@ import torch
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
-from verefine_viz.training.course import Course
+from verefine_viz.training.course import Course, TrainingProgress
 from verefine_viz.training.depth_net_model import DepthNetModel, loss_of
 from verefine_viz.training.depth_net_samples import TrainingBatches
-from verefine_viz.training.progress_bar import TrainingProgress
 
 BATCH_SIZE = 128
 PEAK_RATE = 2e-3
