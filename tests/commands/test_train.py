@@ -10,7 +10,6 @@ import pytest
 from verefine_viz import cli
 
 REFUSED: list[tuple[list[str], str]] = [
-    (["depth_nett", "--out", "net.onnx"], "invalid choice"),
     (["depth_net", "--out", "net.pth"], "--out is net.pth, expected a name that ends in .onnx"),
     (["depth_net", "--out", "net.onnx", "--minutes", "nan"], "--minutes is nan, expected more than 0"),
     (["depth_net", "--out", "net.onnx", "--steps", "0"], "--steps is 0, expected from 1"),
