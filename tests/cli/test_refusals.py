@@ -247,7 +247,7 @@ def test_what_cannot_be_grasped(bad_input: BadInput, named: str, monkeypatch: py
 
 def test_the_real_program_says_one_line_and_exits_2(tmp_path: Path) -> None:
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    program = [sys.executable, "-m", "verefine_viz.cli", "batch", "none.toml", "--out", "out"]
+    program = [sys.executable, "-m", "verefine_viz", "batch", "none.toml", "--out", "out"]
     done = subprocess.run(program, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
     assert (done.returncode, done.stdout) == (2, "")
     (line,) = done.stderr.splitlines()
