@@ -11,7 +11,6 @@ import dataclasses
 import io
 import logging
 import os
-import re
 import signal
 import stat
 import sys
@@ -19,7 +18,6 @@ import threading
 import time
 import traceback
 from collections.abc import Iterator, Sequence
-from itertools import groupby
 from types import FrameType
 from typing import Annotated, Any, Protocol, Union
 
@@ -33,7 +31,7 @@ from verefine_viz.commands.estimate import EstimateCommand
 from verefine_viz.commands.evaluate import EvaluateCommand
 from verefine_viz.commands.film_strip import FilmCommand
 from verefine_viz.commands.fix import FixCommand
-from verefine_viz.commands.flags import HELP_SETTINGS, SECTIONS, show_help
+from verefine_viz.commands.flags import HELP_SETTINGS, show_help
 from verefine_viz.commands.import_data import ImportCommand
 from verefine_viz.commands.label import LabelCommand
 from verefine_viz.commands.replay import ReplayCommand
@@ -42,7 +40,7 @@ from verefine_viz.commands.share_file import ShareCommand
 from verefine_viz.commands.study import StudyCommand
 from verefine_viz.commands.train import TrainCommand
 from verefine_viz.commands.view import ViewCommand
-from verefine_viz.core.errors import SettingsError, VerefineError, one_line, quoted, unknown
+from verefine_viz.core.errors import SettingsError, VerefineError, one_line, unknown
 from verefine_viz.core.text_format import plain, say
 from verefine_viz.core.writing import DISK_FULL, expand_home
 
@@ -50,8 +48,6 @@ PROGRAM = "verefine-viz"
 DEBUG = "--debug"
 USAGE = 2
 """Exit code for bad usage or input."""
-LONGEST = 300
-"""What is quoted of a refusal of words [characters]."""
 TIDYING_S = 5.0
 """How long after a signal to stop others are left out [s]."""
 COMMANDS: dict[str, type[Command]] = {
@@ -92,8 +88,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words == ["--version"]:
         say(f"{PROGRAM} {verefine_viz.__version__}")
         return 0
-    if "\0" in "".join(words):
-        return fail(f"{quoted(next(word for word in words if chr(0) in word))}: it holds \\0, which no path can")
     with stopped_by_signals():
         return _run([_with_home(word) for word in words if word != DEBUG], DEBUG in words)
 
@@ -207,58 +201,19 @@ def _drop_output() -> None:
 
 
 def parse(words: list[str]) -> Command:
-    """The command that the words ask for.
+    """The command that the words ask for; only its own options are built: that is what keeps --help instant.
 
     Raises:
-        SettingsError: they make none.
-        SystemExit: help was asked for, and shown.
+        SettingsError: there is no command, or no section of settings, of that name.
+        SystemExit: help was shown, or what is wrong with the words (exit code 2).
     """
-    refusal = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(refusal):
-            return _parsed(words)
-    except SystemExit as end:
-        if end.code != USAGE:
-            raise
-    if words and words[0] not in COMMANDS and not words[0].startswith("-"):
-        raise SettingsError(f"{unknown('command', words[0], COMMANDS)}; see {PROGRAM} --help")
-    message = _sentences(refusal.getvalue())
-    program = " ".join([PROGRAM, *(word for word in words[:1] if word in COMMANDS)])
-    typed = {word.removeprefix("--").partition(".")[0] for word in words}
-    section = next((name for name in SECTIONS if name in typed and f"--{name}." in message), None)
-    raise SettingsError(f"{message}; see {program} {f'{HELP_SETTINGS} {section}' if section else '--help'}")
-
-
-def _sentences(box: str) -> str:
-    """What tyro refuses words with, without the frame around it and the help texts of the options that it names."""
-    rows = [row.strip("│╰╯─ ") for row in re.sub(r"\x1b\[[\d;]*m", "", box).splitlines()[1:]]
-    paragraphs = [[*rows] for is_text, rows in groupby(rows, lambda row: bool(row.strip("-"))) if is_text]
-    message, *others = paragraphs
-    sentences = [" ".join(message)[:LONGEST].removesuffix(".")]
-    for head, *about in others:
-        options = [_whole_option(about[k:]) for k, row in enumerate(about) if row.startswith("--")]
-        if options:
-            sentences.append(f"{head.replace('Argument helptext:', 'expected')} {' or '.join(options)}")
-    return "; ".join(text[:1].lower() + text[1:] for text in sentences)
-
-
-def _whole_option(rows: list[str]) -> str:
-    """An option with its values, which tyro breaks where a row is full: up to where all brackets are closed."""
-    option, *more = rows
-    for row in more:
-        if option.count("[") == option.count("]"):
-            break
-        option += row if option.endswith(",") else f" {row}"
-    return option
-
-
-def _parsed(words: list[str]) -> Command:
-    """The command; only its own options are built: that is what keeps --help instant."""
     if words and words[0] in COMMANDS:
         kind, program = COMMANDS[words[0]], f"{PROGRAM} {words[0]}"
         show_help(kind, program, words[1:])
         command: Any = tyro.cli(kind, prog=program, args=words[1:])
         return command
+    if words and not words[0].startswith("-"):
+        raise SettingsError(f"{unknown('command', words[0], COMMANDS)}; see {PROGRAM} --help")
     if HELP_SETTINGS in words:
         # They are the same for all commands that run a session.
         show_help(ViewCommand, f"{PROGRAM} view", words)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.batch import fragile
-from tests.cli.bad_input_sessions import BadInput
+from tests.cli.bad_input import BadInput
 from tests.scenes.bop_folder import Made, make
 from verefine_viz.batch import worker_pool as pool
 

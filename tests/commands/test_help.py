@@ -45,9 +45,3 @@ def test_the_settings_of_a_section_can_be_asked_for_alone(capsys: pytest.Capture
     assert "--method.name" in every
     assert "--preset" in every
     assert shown(capsys, "--help-settings", "score") == shown(capsys, "view", "--help-settings", "score")
-
-
-def test_an_unknown_section_names_those_that_exist(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["view", "--help-settings", "scores"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "unknown section of settings 'scores'; did you mean 'score'? available: scene, data, hypotheses, " in line

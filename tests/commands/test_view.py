@@ -63,13 +63,4 @@ def test_runs_that_are_left_out_are_reported(
     batch_run(tmp_path / "old" / "sir", "sir", (5.0, 40.0))
     assert main(["view", str(tmp_path)]) == 0
     assert len(served["gallery"].runs) == 1
-    assert f"to view them, name their folder: {tmp_path / 'old'} (1 run)." in capsys.readouterr().err
-
-
-def test_runs_without_a_finished_frame_are_refused(
-    tmp_path: Path, served: dict[str, Any], capsys: pytest.CaptureFixture[str]
-) -> None:
-    batch_run(tmp_path / "empty", "rir", ())
-    assert main(["view", str(tmp_path)]) == 2
-    assert "empty has no finished frame yet: the batch is running or was killed" in capsys.readouterr().err
-    assert served == {}
+    assert str(tmp_path / "old") in capsys.readouterr().err

@@ -16,7 +16,6 @@ import pytest
 
 from tests.batch.outputs import done
 from tests.fakes import box_problem
-from tests.made_runs import answer, finished, written
 from tests.run.kept_frames import box_mesh, found, kept
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.runs import Runs
@@ -39,31 +38,6 @@ def keep(folder: Path, n: int = 1) -> None:
     mesh = folder.parent / "box.stl"
     for _ in range(n):
         kept(folder, PROBLEM, [found(PROBLEM, mesh if mesh.is_file() else box_mesh(mesh))])
-
-
-REFUSED: list[tuple[list[str], str]] = [
-    (["--watch", "nowhere"], "--watch nowhere does not exist; expected the folder in which frames arrive"),
-    (["a.rrd", "--watch", "frames"], "a.rrd is no session; with --watch expected a session file (.toml) or none"),
-    (["--out", "runs"], "--out is for the results of --watch FOLDER; leave it out, or name the folder to watch"),
-    (["--watch", "frames", "--method.name", "best"], "unknown method 'best'"),
-    (["none.toml", "--watch", "frames"], "session file none.toml does not exist"),
-    (["--watch", "batch"], "batch holds runs, which are not watched: verefine-viz view batch shows them"),
-    (["--watch", "batch/runs"], "batch/runs holds runs, which are not watched"),
-]
-
-
-def test_what_cannot_be_watched_is_refused_in_one_line(
-    frames: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(frames.parent)
-    written(frames.parent / "batch", finished("1/0", [answer(1, 0)]))
-    (frames.parent / "batch" / "run.json").write_text("{}")
-    for words, why in REFUSED:
-        assert main(["view", *words]) == 2
-        said = capsys.readouterr().err
-        assert why in said
-        assert said.count("\n") == 1
-    assert not (frames.parent / "frames-runs").exists()
 
 
 def test_results_go_beside_the_folder_or_where_they_are_wanted(

@@ -62,11 +62,3 @@ def test_the_bounds_admit_what_ships(preset: str) -> None:
 
 def test_the_defaults_are_within_the_bounds() -> None:
     assert msgspec.convert(msgspec.to_builtins(Session()), Session) == Session()
-
-
-def test_the_words_of_bounds() -> None:
-    assert limits(NUMBERS["method.iterations"]) == "from 1 to 10000"
-    assert limits(NUMBERS["mcts.seconds"]) == "above 0 and at most 86400"
-    assert limits(NUMBERS["tricp.energy_ratio"]) == "above 0 and below 1"
-    assert limits(NUMBERS["ppf.step"]) == "at least 0.02 and below 0.5"
-    assert limits(fields_of(Session)["title"].type) == ""

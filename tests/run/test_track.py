@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
-from verefine_viz.core.errors import Cancelled, InputError, SettingsError
+from verefine_viz.core.errors import Cancelled, InputError
 from verefine_viz.core.geometry import axis_angle, inverse, transform
 from verefine_viz.core.problem import Problem, RecordedStep
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -129,9 +129,3 @@ def test_a_session_states_what_a_frame_began_with_to_the_last_bit() -> None:
     assert with_its_tracked(session, problem()).tracked == ()
     other = problem(frame=10)
     assert with_its_tracked(session, other).tracked == poses
-
-
-def test_recorded_steps_take_no_other_initial_poses() -> None:
-    raw = {"scene": {"source": "folder", "dataset": "/runs"}, "hypotheses": {"source": "recorded"}}
-    with pytest.raises(SettingsError, match=r"leave method\.track out"):
-        resolve({**raw, "method": {"name": "trace", "track": True}})

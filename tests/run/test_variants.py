@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 from msgspec import structs
 
@@ -67,20 +65,13 @@ def test_it_starts_at_the_beginning() -> None:
     assert (other.edits, other.changes) == ((), ())
 
 
-def refused(changes: Any) -> str:
-    with pytest.raises(SettingsError) as caught:
-        variant(SESSION, changes)
-    assert "\n" not in str(caught.value)
-    assert len(str(caught.value)) < 700
-    return str(caught.value)
-
-
-def test_nonsense_is_refused_in_one_line() -> None:
-    for name, value, words in (
-        ("method.nme", "sir", "unknown field 'method.nme'; did you mean 'name'? available: "),
-        ("scene.demo", "box", "unknown section to compare 'scene'; available: preset, hypotheses, method"),
-        ("method", "sir", "unknown section to compare 'method'"),
-        ("preset", "best", "unknown preset 'best'; available: recommended, paper, published"),
-        ("method.iterations", 0, "method.iterations = 0: expected a whole number from 1 to 10000"),
+def test_nonsense_is_refused_by_its_name() -> None:
+    for name, value, named in (
+        ("method.nme", "sir", "'nme'"),
+        ("scene.demo", "box", "'scene'"),
+        ("method", "sir", "'method'"),
+        ("preset", "best", "'best'"),
+        ("method.iterations", 0, "method.iterations"),
     ):
-        assert words in refused(((name, value),))
+        with pytest.raises(SettingsError, match=named):
+            variant(SESSION, ((name, value),))

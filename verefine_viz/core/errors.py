@@ -79,10 +79,8 @@ def quoted(value: object, most: int = 80) -> str:
     """A value as it was written, for a message; of a long one the beginning, and that it goes on."""
     try:
         text = repr(value)
-    except ValueError:  # Python writes no integer of more than 4300 digits.
-        return "a number of thousands of digits"
-    except RecursionError:
-        return "lists of thousands of levels"
+    except (ValueError, RecursionError):  # Of thousands of digits or levels.
+        return f"<{type(value).__name__}, too long to write>"
     return text if len(text) <= most else f"{text[:most]}…"
 
 

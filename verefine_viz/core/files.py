@@ -120,8 +120,6 @@ def first_line(error: Exception, should_be: str = "") -> str:
     """
     if isinstance(error, MemoryError):
         return "it does not fit into memory"
-    if isinstance(error, RecursionError):
-        return "it is nested too deeply"
     if isinstance(error, VerefineError):
         return one_line(str(error))[:LONGEST]
     if isinstance(error, OSError) and error.strerror:

@@ -1,4 +1,4 @@
-"""What settings are made of: their base, the kinds of values that they have, and what is wrong with a value."""
+"""What settings are made of: their base, the kinds of values that they have, and their bounds in words."""
 
 from __future__ import annotations
 
@@ -71,36 +71,6 @@ def descriptions(model: type[Struct]) -> dict[str, str]:
 def _classes(module: str) -> dict[str, ast.ClassDef]:
     parts = ast.parse(inspect.getsource(sys.modules[module])).body
     return {part.name: part for part in parts if isinstance(part, ast.ClassDef)}
-
-
-def expected(kind: mi.Type) -> str:
-    """What a field takes, as in "a number above 0 and below 1" or "'auto', 'cpu' or 'gl'"."""
-    *first, last = _ways(kind)
-    return f"{', '.join(first)} or {last}" if first else last
-
-
-def _ways(kind: mi.Type) -> list[str]:
-    match kind:
-        case mi.NoneType():
-            return []
-        case mi.IntType():
-            return [f"a whole number {limits(kind)}".rstrip()]
-        case mi.FloatType():
-            return [f"a number {limits(kind)}".rstrip()]
-        case mi.StrType():
-            return ["a text" if kind.pattern is None else r"a path, which holds no \0"]
-        case mi.BoolType():
-            return ["true or false"]
-        case mi.LiteralType():
-            return [repr(value) for value in kind.values]
-        case mi.UnionType():
-            return [way for part in kind.types for way in _ways(part)]
-        case mi.TupleType():
-            what = "numbers" if {*map(type, kind.item_types)} == {mi.FloatType} else "entries"
-            return [f"a list of {len(kind.item_types)} {what}"]
-        case mi.VarTupleType():
-            return [f"a list of {kind.min_length}" if kind.min_length else "a list"]
-    return ["a section"]
 
 
 def limits(kind: mi.Type) -> str:

@@ -23,6 +23,7 @@ from verefine_viz.core.algorithm_settings import (
     PpfSettings,
     TricpSettings,
 )
+from verefine_viz.core.errors import ContentError
 from verefine_viz.core.number_kinds import Index, Seed
 from verefine_viz.core.setting_types import Count, Gravity, InputPath, Pose, Settings, Weight
 
@@ -34,6 +35,8 @@ Factor = Annotated[float, Meta(ge=1e-6, le=1e6)]
 PixelShift = Annotated[int, Meta(ge=-10_000, le=10_000)]
 PoseConvention = Literal["given", "inverse", "opengl", "transposed", "x90", "x-90"]
 """What initial poses were read as."""
+LEAST_GRAVITY = 1e-6
+"""The largest number of a vector of gravity is not below it."""
 
 
 class SceneSettings(Settings, frozen=True):
@@ -83,6 +86,11 @@ class SceneSettings(Settings, frozen=True):
     """Points sampled on each model; more for objects with thin parts, which else get few."""
     model_sampling: ModelSampling = "random"
     """How: drawn at random, or evenly, each the farthest from those before (as the authors' clouds are)."""
+
+    def __post_init__(self) -> None:
+        """Raises ContentError where gravity has no direction."""
+        if isinstance(self.gravity, tuple) and max(map(abs, self.gravity)) < LEAST_GRAVITY:
+            raise ContentError("gravity: expected a vector that is not zero")
 
 
 class DataSettings(Settings, frozen=True):
@@ -140,6 +148,12 @@ class HypothesesSettings(Settings, frozen=True):
     chooses the wrong one (docs/methods.md 1.11). Preset recommended: true with depth_net_icp."""
     estimate: tuple[tuple[str, Index, str], ...] = ()
     """Instances whose initial poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
+
+    def __post_init__(self) -> None:
+        """Raises ContentError where poses would be read twice from a file."""
+        twice = next((file for file in self.files if self.files.count(file) > 1), None)
+        if twice is not None and self.source == "results":
+            raise ContentError(f"files: {twice} is named twice; name each file once")
 
 
 class MethodSettings(Settings, frozen=True):

@@ -19,10 +19,8 @@ from typing import Any, BinaryIO
 
 from verefine_viz.core.errors import InputError
 
-_ABOUT_PATHS = (
-    errno.ENOENT, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.ENOTEMPTY, errno.EACCES, errno.EPERM, errno.EROFS,
-)  # fmt: skip
-"""Errors of the system about a path, not about what is written there."""
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of the system when a disk, a quota or a file is full."""
 
 
 def expand_home(text: str) -> Path:
@@ -34,22 +32,15 @@ def expand_home(text: str) -> Path:
 
 
 def path_fault(path: Path, error: OSError) -> str:
-    """What is wrong with which part of a path that could not be made or written: "/a/b is a file, not a folder"."""
+    """What the system says of a path that cannot be made or written, and the part of the path that exists:
+    "/a/b is a file: Not a directory".
+    """
     message = error.strerror or str(error)
-    if error.errno not in _ABOUT_PATHS:
+    if error.errno in DISK_FULL:
         return message
-    there = _there(path)
-    if there.is_symlink() and not there.exists():
-        return f"{there} is a link to {there.readlink()}, which does not exist"
-    is_folder = there.is_dir()
-    if there == path and is_folder and error.errno in (errno.EISDIR, errno.ENOTEMPTY, errno.EEXIST):
-        return f"{there} is a folder"
-    if not is_folder and (there != path or error.errno in (errno.EEXIST, errno.ENOTDIR)):
-        return f"{there} is a file, not a folder"
-    shown = Path.cwd() if there == Path() else there
-    if error.errno in (errno.EACCES, errno.EPERM):
-        return f"no permission to write {'in ' if is_folder else ''}{shown}"
-    return f"{shown} is read-only" if error.errno == errno.EROFS else f"nothing can be made in {shown} ({message})"
+    there = _there(path.absolute())
+    kind = f"a link to {there.readlink()}" if there.is_symlink() else "a folder" if there.is_dir() else "a file"
+    return f"{there} is {kind}: {message}"
 
 
 def check_folder(path: Path, option: str = "--out") -> None:
@@ -153,8 +144,6 @@ def check_no_link(path: Path) -> None:
 
 # Output files are written whole or not at all.
 
-DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""Errors of the system when a disk, a quota or a file is full."""
 _PART = re.compile(r".+\.(\d+)-\d+\.part")
 """The name of a half-written file: the file's own, then its writer's process and thread."""
 

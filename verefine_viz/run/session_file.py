@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import tomllib
@@ -12,12 +11,12 @@ from typing import Any
 
 import msgspec
 import tomli_w
-from msgspec.inspect import FloatType, IntType, StrType, StructType, TupleType, Type, UnionType, VarTupleType, type_info
+from msgspec.inspect import LiteralType, StructType, Type, UnionType, VarTupleType, type_info
 
-from verefine_viz.core.errors import ContentError, InputError, SettingsError, meant, quoted, unknown
+from verefine_viz.core.errors import ContentError, InputError, SettingsError, quoted, unknown
 from verefine_viz.core.files import read_file
 from verefine_viz.core.presets import preset_fields
-from verefine_viz.core.setting_types import expected, fields_of
+from verefine_viz.core.setting_types import fields_of
 from verefine_viz.core.settings import SURROUNDINGS, Session
 from verefine_viz.core.writing import atomic, expand_home
 
@@ -52,27 +51,22 @@ FILES = (
 )
 """Sections and fields that name one file; of the scene and the hypotheses it depends on others what they name."""
 _READ_BY = {
-    ("scene", "dataset"): ("bop", "folder", "layout", "labels"),
-    ("scene", "layout"): ("layout",),
-    ("scene", "labels"): ("labels",),
-    ("scene", "models"): ("labels",),
-    ("scene", "demo"): ("demo",),
-    ("scene", "turned"): ("demo", "layout"),
-    ("hypotheses", "files"): ("results",),
+    ("scene", "dataset"): ("source", ("bop", "folder", "layout", "labels")),
+    ("scene", "layout"): ("source", ("layout",)),
+    ("scene", "labels"): ("source", ("labels",)),
+    ("scene", "models"): ("source", ("labels",)),
+    ("scene", "demo"): ("source", ("demo",)),
+    ("scene", "turned"): ("source", ("demo", "layout")),
+    ("hypotheses", "files"): ("source", ("results",)),
+    ("physics", "mesh"): ("support", ("mesh",)),
 }
-"""The sources (of the same section) that read a field."""
+"""Fields that are read with some values of another field of their section only: that field, and the values."""
 _OPEN_QUOTE = ("character '\\n'", """Expected "'" (""")
 """The parser's message on a text that does not end in its line, or at all."""
 LARGEST_BYTES = 10_000_000
 """No session file is larger; another file that was named by mistake may fill the memory."""
-LEAST_GRAVITY = 1e-6
-"""The largest number of a vector of gravity is not below it."""
 DEEPEST = 20
 """Levels of lists and tables. Those of settings are six; what checks and writes them calls itself for each."""
-_PLACE = re.compile(r" - at `\$([^`]*)`$")
-"""The end of a message of msgspec."""
-_WRITTEN_AS: dict[type[Type], type] = {IntType: int, FloatType: float, StrType: str}
-_UNITS = {"m": "metres", "mm": "millimetres", "deg": "degrees"}
 CAPTURE_HEAD = "# Kept frames. This file is written anew with every frame: copy it before you change it.\n"
 """How the session file of a folder of kept frames begins; all of it until the first frame is nearly written."""
 SCENE_ID = 1
@@ -156,12 +150,8 @@ def parsed_toml(text: str) -> dict[str, Any]:
     too_deep = f"it has lists or tables of more than {DEEPEST} levels"
     try:
         raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        raise
     except RecursionError:
         raise ContentError(too_deep) from None
-    except ValueError:  # Python reads no integer of more than 4300 digits.
-        raise ContentError("it has a number of thousands of digits") from None
     if _is_deeper(raw, DEEPEST):
         raise ContentError(too_deep)
     return raw
@@ -285,66 +275,49 @@ def _check_sources(session: Session, layers: Sequence[Layer]) -> None:
 
     Raises:
         SettingsError: a field is set that its section's source does not read, and the source was not chosen with it;
-            or a results file is named twice.
+            or two sections do not go together.
     """
-    gravity = session.scene.gravity
-    if isinstance(gravity, tuple) and max(map(abs, gravity)) < LEAST_GRAVITY:
-        where = layers[_last(layers, "scene", "gravity")][0]
-        raise SettingsError(f"{where}: scene.gravity = {[*gravity]}: expected a vector that is not zero")
-    for (section, field), readers in _READ_BY.items():
-        chosen = getattr(session, section)
-        at = _last(layers, section, field)
-        if getattr(chosen, field) and chosen.source not in readers and _last(layers, section, "source") < at:
-            name, source = f"{section}.{field}", f"{section}.source"
+    for (section, field), (chooser, readers) in _READ_BY.items():
+        settings, at = getattr(session, section), _last(layers, section, field)
+        chosen = getattr(settings, chooser)
+        if getattr(settings, field) and chosen not in readers and _last(layers, section, chooser) < at:
             raise SettingsError(
-                f'{layers[at][0]}: {name} is set, but {source} is "{chosen.source}" and does not read it; '
-                f'set {source} = "{readers[0]}", or leave {name} out'
+                f'{layers[at][0]}: {section}.{field} is set, but {section}.{chooser} is "{chosen}" and does not read '
+                f'it; set {section}.{chooser} = "{readers[0]}", or leave {section}.{field} out'
             )
-    if session.method.name == "trace" and session.hypotheses.source != "recorded":
-        raise SettingsError(
-            f'{layers[-1][0]}: method "trace" repeats what was recorded, but hypotheses.source is '
-            f'"{session.hypotheses.source}"; set it to "recorded", or choose another method'
-        )
-    if session.method.name == "trace" and session.method.track:
-        raise SettingsError(
-            f'{layers[-1][0]}: method "trace" repeats what was recorded and takes no other initial poses; leave '
-            "method.track out, or choose another method"
-        )
-    if session.hypotheses.source == "recorded" and session.scene.source != "folder":
-        raise SettingsError(
-            f'{layers[-1][0]}: hypotheses.source is "recorded", but scene.source is "{session.scene.source}" and has '
-            'none; set scene.source = "folder", or choose another source of hypotheses'
-        )
-    physics = session.physics
-    if (
-        physics.mesh
-        and physics.support != "mesh"
-        and _last(layers, "physics", "support") < (at := _last(layers, "physics", "mesh"))
-    ):
-        raise SettingsError(
-            f'{layers[at][0]}: physics.mesh is set, but physics.support is "{physics.support}" and does not read it; '
-            'set physics.support = "mesh", or leave physics.mesh out'
-        )
-    hypotheses = session.hypotheses
-    twice = [file for file in hypotheses.files if hypotheses.files.count(file) > 1]
-    if twice and hypotheses.source == "results":
-        where = layers[_last(layers, "hypotheses", "files")][0]
-        raise SettingsError(f"{where}: hypotheses.files names {twice[0]} twice; name each file once")
-    if _last(layers, "hypotheses", "source") >= 0:
-        return
+    source, scene = session.hypotheses.source, session.scene.source
+    is_trace = session.method.name == "trace"
+    conflicts = (
+        (is_trace and source != "recorded", f'method "trace" needs hypotheses.source = "recorded", is "{source}"'),
+        (is_trace and session.method.track, 'method "trace" takes no other initial poses; leave method.track out'),
+        (
+            source == "recorded" and scene != "folder",
+            f'hypotheses.source "recorded" needs scene.source = "folder", is "{scene}"',
+        ),
+    )
+    for holds, fault in conflicts:
+        if holds:
+            raise SettingsError(f"{layers[-1][0]}: {fault}")
+    read = {source, *(kind for *_, kind in session.hypotheses.estimate)}
     for name in _ESTIMATORS:
-        at = max((k for k, (_, raw) in enumerate(layers) if raw.get(name)), default=-1)
-        if at >= 0 and name not in (kind for *_, kind in hypotheses.estimate):
+        at = _last(layers, name)
+        if at >= 0 > _last(layers, "hypotheses", "source") and name not in read:
             raise SettingsError(
-                f'{layers[at][0]}: [{name}] is set, but hypotheses.source is "{hypotheses.source}" and does not read '
-                f'it; set hypotheses.source = "{name}", or write "{hypotheses.source}" there if that is meant'
+                f'{layers[at][0]}: [{name}] is set, but hypotheses.source is "{source}" and does not read it; '
+                f'set hypotheses.source = "{name}", or write "{source}" there if that is meant'
             )
 
 
-def _last(layers: Sequence[Layer], section: str, field: str) -> int:
+def _last(layers: Sequence[Layer], *steps: str) -> int:
     """Number of the last layer in which a field was written, from 0; -1 where none has it."""
-    written = (raw.get(section) for _, raw in layers)
-    return max((k for k, fields in enumerate(written) if isinstance(fields, Mapping) and field in fields), default=-1)
+    return max((k for k, (_, raw) in enumerate(layers) if _has(raw, steps)), default=-1)
+
+
+def _has(raw: Any, steps: Sequence[str]) -> bool:
+    """Whether a field was written; of entries of lists, whether the list was."""
+    if not steps or not isinstance(raw, Mapping):
+        return True
+    return steps[0] in raw and _has(raw[steps[0]], steps[1:])
 
 
 def _converted(raw: Raw, layers: Sequence[Layer]) -> Session:
@@ -361,58 +334,48 @@ def _converted(raw: Raw, layers: Sequence[Layer]) -> Session:
         wrong = quoted(error.object)
         raise SettingsError(f"{layers[-1][0]}: {wrong} is no UTF-8, in which session files are written") from None
     except msgspec.ValidationError as error:
-        # Without a place it is about a name of the first level, which may hold anything.
-        place = None if raw.keys() - {*Session.__struct_fields__} else _PLACE.search(str(error))
-        location, mistake = _mistake(raw, re.findall(r"\w+", place[1]) if place else [])
-        origin = max(reversed(layers), key=lambda layer: _depth(layer[1], location))[0]
-        raise SettingsError(f"{origin}: {mistake}") from None
+        steps, mistake = _mistake(raw, str(error))
+        raise SettingsError(f"{layers[_last(layers, *steps)][0]}: {mistake}") from None
     return session
 
 
-def _depth(raw: Any, location: Sequence[str]) -> int:
-    """How many steps towards a field the settings have."""
-    for k, part in enumerate(location):
-        if not isinstance(raw, Mapping) or part not in raw:
-            return k
-        raw = raw[part]
-    return len(location)
+def _mistake(raw: Raw, message: str) -> tuple[Sequence[str], str]:
+    """The field that a message of msgspec is about, by the steps to it, as ["scene", "objects", "0"]; and the message
+    with that place, and with the names or choices that exist or the value.
+    """
+    known = sorted(Session.__struct_fields__)
+    strange = next((name for name in raw if name not in known), None)
+    if strange is not None:  # It may hold anything, also what looks like a place.
+        return [strange], unknown("field", strange, known)
+    what, _, place = message.rpartition(" - at `$")
+    if not what:
+        return [], message
+    steps = re.findall(r"\w+", place)
+    field, colon, check = what.partition(": ")
+    if colon and field.isidentifier():  # A section's own check.
+        steps, what = [*steps, field], check
+    value, kind = _found(raw, steps)
+    where = ".".join(steps)
+    if isinstance(kind, StructType) and what.startswith("Object contains unknown field"):
+        names = sorted(field.name for field in kind.fields)
+        name = next(name for name in value if name not in names)
+        return [*steps, name], f"{where}: {unknown('field', name, names)}"
+    ways = kind.types if isinstance(kind, UnionType) else (kind,)
+    choices = [choice for way in ways if isinstance(way, LiteralType) for choice in way.values]
+    if choices and what.startswith("Invalid enum value"):
+        return steps, f"{where}: {unknown('choice', value, choices)}"
+    what = re.sub(r", got `\w+`$", "", what.replace("Expected", "expected").replace("Object", "object"))
+    return steps, f"{where}: {what}{f', is {quoted(value)}' if what.startswith('expected') else ''}"
 
 
-def _mistake(raw: Any, location: Sequence[str]) -> tuple[Sequence[str], str]:
-    """What is wrong at a place of a session, as ["scene", "objects", "0"], and the field that it is about."""
+def _found(value: Any, steps: Sequence[str]) -> tuple[Any, Type]:
+    """What settings hold at a place of a session, and the type of what belongs there."""
     kind = type_info(Session)
-    for part in location:
-        kind, raw = _inner(kind, part), raw[int(part) if isinstance(raw, list | tuple) else part]
-    field = ".".join(location)
-    if isinstance(kind, StructType) and isinstance(raw, Mapping):
-        names = sorted(known.name for known in kind.fields)
-        for name in (name for name in raw if name not in names):
-            whole = ".".join((*location, name))
-            return (*location, name), f"unknown field {whole!r}; {meant(name, names)}available: {', '.join(names)}"
-        missing = next(known.name for known in kind.fields if known.required and known.name not in raw)
-        return location, f"{field}.{missing} is missing"
-    what = expected(kind)
-    if isinstance(kind, VarTupleType) and not isinstance(raw, list | tuple):
-        # The list that was meant where its only entry was written.
-        is_entry = type(raw) is _WRITTEN_AS.get(type(kind.item_type)) or raw == ""
-        what += f", {json.dumps([raw] if raw != '' else [], ensure_ascii=False)}" if is_entry else ""
-    elif isinstance(kind, StructType):
-        what += f", [{field}]"
-    elif field.startswith("scene.objects."):
-        what = "the id of an object, as 5 for obj_000005.ply"
-    unit = _UNITS.get(field.rpartition("_")[2])
-    return location, f"{field} = {quoted(raw)}: expected {what}{f', in {unit}' if unit else ''}"
-
-
-def _inner(kind: Type, part: str) -> Type:
-    """The type of a field or an entry of what has one."""
-    match kind:
-        case StructType():
-            return next(field.type for field in kind.fields if field.name == part)
-        case VarTupleType():
-            return kind.item_type
-        case TupleType():
-            return kind.item_types[int(part)]
-        case UnionType():  # A word or a vector.
-            return _inner(next(way for way in kind.types if isinstance(way, TupleType)), part)
-    raise AssertionError(f"settings of type {kind} have no parts")
+    for step in steps:
+        value = value[int(step)] if isinstance(value, list | tuple) else value[step]
+        match kind:
+            case StructType():
+                kind = next(field.type for field in kind.fields if field.name == step)
+            case VarTupleType():
+                kind = kind.item_type
+    return value, kind

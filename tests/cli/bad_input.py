@@ -13,9 +13,16 @@ from verefine_viz.run.session_file import resolve
 class BadInput(CommandLine):
     """Sessions on a made-up data set, and batches of them."""
 
-    def bop(self, extra: str = "", scene: str = "", hypotheses: str = "") -> Path:
+    def refused(self, *words: object, leaves: tuple[str, ...] = ()) -> str:
+        """The one line with which these words are refused; they write nothing but what ``leaves`` names."""
+        before = {*self.folder.rglob("*")}
+        line = super().refused(*words)
+        assert {path.relative_to(self.folder).parts[0] for path in {*self.folder.rglob("*")} - before} <= {*leaves}
+        return line
+
+    def bop(self, scene: str = "", hypotheses: str = "") -> Path:
         """A session on the made-up data set."""
-        text = f'{extra}\n[scene]\nsource = "bop"\ndataset = {json.dumps(str(self.made.root))}\n{scene}\n'
+        text = f'[scene]\nsource = "bop"\ndataset = {json.dumps(str(self.made.root))}\n{scene}\n'
         return self.file("session.toml", f"{text}[hypotheses]\n{hypotheses}\n")
 
     def results(self, row: str) -> Path:
@@ -23,8 +30,9 @@ class BadInput(CommandLine):
         self.file("r.csv", f"{row}\n")
         return self.bop(hypotheses='source = "results"\nfiles = ["r.csv"]')
 
-    def batch(self, session: Path, *words: object) -> str:
-        return self.refused("batch", session, "--out", self.folder / "out", *words)
+    def evaluate(self, *words: object) -> tuple[object, ...]:
+        """How ``evaluate`` is called on the data set."""
+        return ("evaluate", *words, "--dataset", self.made.root)
 
     def batch_folder(self) -> Path:
         """The folder of a batch that lacks its tables."""
