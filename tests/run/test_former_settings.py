@@ -1,4 +1,4 @@
-"""Run files of earlier versions are run again: what were settings there and are constants now is left out."""
+"""Sessions of earlier versions open: what were settings there and are constants now is left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sessions in run files of earlier versions: they hold settings that are constants now."""
+"""Sessions of earlier versions, in files and in run files: they hold settings that are constants now."""
 
 from __future__ import annotations
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.problem import LeftOut, Problem
 from verefine_viz.core.settings import Session
-from verefine_viz.run.former_settings import without_former
 from verefine_viz.run.record import FORMAT, Answer, ObjectHeader, RunEnd, RunHeader, RunRecord, unsolved
 from verefine_viz.run.session_file import parsed_toml, resolve, session_toml
 from verefine_viz.run.versions import versions
@@ -82,4 +81,4 @@ def session_of(header: RunHeader) -> Session:
         raw = parsed_toml(header.session)
     except ValueError:
         raise SettingsError("the session of the run is no TOML") from None
-    return resolve(without_former(raw), "the session of the run")
+    return resolve(raw, "the session of the run")

@@ -19,6 +19,7 @@ from verefine_viz.core.presets import preset_fields
 from verefine_viz.core.setting_types import fields_of
 from verefine_viz.core.settings import SURROUNDINGS, Session
 from verefine_viz.core.writing import atomic, expand_home
+from verefine_viz.run.former_settings import without_former
 
 Raw = Mapping[str, Any]
 Layer = tuple[str, Raw]
@@ -159,6 +160,7 @@ def parsed_toml(text: str) -> dict[str, Any]:
 
 def _merge_layers(layers: Sequence[Layer]) -> Session:
     """The session that some layers of explicit fields add up to, the later over the earlier."""
+    layers = [(origin, without_former(fields)) for origin, fields in layers]
     raw: dict[str, Any] = {}
     for _, fields in layers:
         raw = _merged(raw, fields)
