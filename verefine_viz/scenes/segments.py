@@ -168,8 +168,7 @@ def objects_of_frame(
         InputError: ground truth or targets are damaged.
     """
     if detections is None:
-        entries = dataset.ground_truth(scene_id, im_id)
-        return None if entries is None else frozenset(entry.obj_id for entry in entries)
+        return dataset.annotated_objects(scene_id, im_id)
     entries, _ = _truth(dataset, scene_id, im_id)
     counts = _counts(dataset, entries, scene_id, im_id)
     detected = detections.obj_ids(scene_id, im_id)
