@@ -118,7 +118,7 @@ def docstring(text: str, indent: str) -> str:
     if not words:
         return ""
     lines = textwrap.wrap(f'"""{words}', WIDTH - len(indent), break_on_hyphens=False, break_long_words=False)
-    end = '"""' if len(indent) + len(lines[-1]) + 3 <= WIDTH else f'\n{indent}"""'
+    end = '"""' if len(lines) == 1 and len(indent) + len(lines[0]) + 3 <= WIDTH else f'\n{indent}"""'
     return "\n".join(indent + line for line in lines) + end + "\n"
 
 

@@ -41,7 +41,7 @@ class FakeTools:
     def refiner_of(self, index: int) -> Any:
         return self.method.refiner
 
-    def problem(self, frame: str) -> Problem:
+    def problem(self, frame: str, **_: object) -> Problem:
         if frame not in self.frames:
             raise InputError(f"no frame {frame}")
         n = int(frame[-1])
@@ -58,7 +58,7 @@ class FakeTools:
     def ordered(self, problem: Problem) -> Problem:
         return replace(problem, dependencies=dependency_graph(problem, self.session.dependency))
 
-    def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
+    def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = (), is_prepared: bool = False) -> Run:
         changes = {c.after_iteration: self.changed(c.settings).method for c in self.session.changes}
         edits = edits_of(self.session.edits, problem, is_only_frame=len(self.frames) == 1)
         return Run(self.method, problem, watchers, edits, changes)

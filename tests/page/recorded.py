@@ -18,7 +18,7 @@ SESSION = Session(method=MethodSettings(iterations=2))
 class Numbered(FakeTools):
     """Frames whose number is in the problem as well, as in real data."""
 
-    def problem(self, frame: str) -> Problem:
+    def problem(self, frame: str, **_: object) -> Problem:
         return replace(super().problem(frame), im_id=int(frame[-1]))
 
 

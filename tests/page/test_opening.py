@@ -199,7 +199,7 @@ def test_the_log_opens_answers_again(gallery: Gallery, posted: Posted):
 
 def test_a_first_frame_that_cannot_be_read_is_passed_over_and_noted():
     class WithoutTheFirst(FakeTools):
-        def problem(self, frame):
+        def problem(self, frame, **_):
             if frame == "0/1":
                 raise InputError("depth/000001.png is cut off")
             return super().problem(frame)

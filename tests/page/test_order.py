@@ -25,7 +25,7 @@ SESSION = Session(title="order", method=MethodSettings(iterations=1, name="vf_br
 class ThreeBoxes(FakeTools):
     """One frame of three boxes; the outer two depend on the one between them."""
 
-    def problem(self, frame: str) -> Problem:
+    def problem(self, frame: str, **_: object) -> Problem:
         return self.ordered(super().problem("0/3"))
 
     @property

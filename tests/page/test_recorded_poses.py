@@ -24,7 +24,7 @@ TRACE = Session(method=MethodSettings(name="trace", iterations=2))
 class Traced(FakeTools):
     """A box whose hypotheses another program moved towards ground truth, with scores of its own."""
 
-    def problem(self, frame: str) -> Problem:
+    def problem(self, frame: str, **_: object) -> Problem:
         problem = super().problem(frame)
         (instance, *others) = problem.instances
         T_gt = instance.T_cam_obj_gt

@@ -80,7 +80,7 @@ class Blind(FakeTools):
     def method(self) -> Any:
         return make_method(self.session.method, FakeSimulator(), SeeingRefiner(), self.verifier, 3)
 
-    def problem(self, frame: str) -> Problem:
+    def problem(self, frame: str, **_: object) -> Problem:
         problem = super().problem(frame)
         for instance in problem.instances:
             assert instance.T_cam_obj_gt is not None
@@ -191,7 +191,7 @@ def test_data_in_doubt_come_before_every_cause(monkeypatch: pytest.MonkeyPatch):
 
 def stacked(state: EdgeState = "used") -> type[FakeTools]:
     class Stacked(FakeTools):
-        def problem(self, frame: str) -> Problem:
+        def problem(self, frame: str, **_: object) -> Problem:
             edge = Edge("support", 0, 1, 0.9, "64% of its footprint", state)
             return replace(super().problem(frame), dependencies=DependencyGraph((edge,), ((0, 1),), (), "recommended"))
 
@@ -202,7 +202,7 @@ def raised(by_m: float) -> type[FakeTools]:
     """Ground truth of the second box has its lowest point so high above the plane; there is no dependency graph."""
 
     class Raised(FakeTools):
-        def problem(self, frame: str) -> Problem:
+        def problem(self, frame: str, **_: object) -> Problem:
             problem = super().problem(frame)
             support, target = problem.observation.support, problem.targets[-1]
             truth, height_m = target.instance.T_cam_obj_gt, height_above_plane_m(target)

@@ -187,7 +187,7 @@ def test_session_that_cannot_be_opened_is_reported_and_the_server_ends(processes
     from verefine_viz.page.app import App
 
     class Broken(FakeTools):
-        def problem(self, frame):
+        def problem(self, frame, **_):
             raise InputError("no such picture")
 
     app = App(SESSION, port=0, make_tools=Broken).start()

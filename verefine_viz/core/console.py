@@ -32,8 +32,8 @@ CTRL_C = 3
 """Columns that the bar leaves free: a typed ^C would begin a line that is not erased with the bar."""
 FILE_COLUMNS = 200
 """Width of a table that is printed into a file, where it needs so much."""
-LEAST_WORDS = 12
-"""Narrowest that a column of words gets."""
+LEAST_WORDS, MOST_WORDS = 12, 28
+"""Narrowest that a column of words gets, and as wide as its longest word up to so many characters."""
 MARKS = {"ok": "green", "look": "yellow", "missing": "yellow", "fails": "red"}
 """Colours of what a check came to."""
 
@@ -164,16 +164,18 @@ def print_table(printed: PrintedTable) -> None:
         cells = [heading, *(row[k] for row in printed.rows)]
         widest = max(cell_len(line) for cell in cells for line in cell.split("\n"))
         if k < printed.n_words:
-            table.add_column(Text(heading), overflow="fold", max_width=min(widest, LEAST_WORDS))
+            longest = max((cell_len(word) for cell in cells for word in cell.split()), default=0)
+            least = min(max(longest, LEAST_WORDS), MOST_WORDS, widest)
+            table.add_column(Text(heading), overflow="fold", min_width=least, max_width=least)
         else:
             table.add_column(Text(heading), justify="right", no_wrap=True, min_width=widest)
     for r, row in enumerate(printed.rows):
         cells = (Text(cell, printed.styles.get((r, k), "")) for k, cell in enumerate(row))
         table.add_row(*cells, end_section=r + 1 in printed.rules)
-    least = Measurement.get(console, console.options.update(max_width=10_000), table).maximum
+    width = Measurement.get(console, console.options.update(max_width=10_000), table).maximum
     for column in table.columns:
         column.max_width = None
-    console.width = max(console.width if console.is_terminal else FILE_COLUMNS, least)
+    console.width = max(console.width if console.is_terminal else FILE_COLUMNS, width)
     console.print(table)
     if printed.note:
         console.print(Text(printed.note, "dim"))

@@ -38,7 +38,8 @@ class SceneSection(TypedDict, total=False):
     """bop: a data set folder in BOP layout. demo: a built-in scene, no data needed. folder: traces of
     verefine_viz.trace, or a folder as FoundationPose, SAM-6D, MegaPose, DenseFusion, DeepIM or YCB-Video have them;
     which it is, it shows itself. layout: objects of YCB-V as a layout of the GRASPA benchmark has them, rendered.
-    labels: the frames of a folder (bop or folder) with the objects that were labelled in them."""
+    labels: the frames of a folder (bop or folder) with the objects that were labelled in them.
+    """
     dataset: InputPath
     """bop, folder, labels: the folder, relative to the session file; layout: that of the YCB-V models."""
     labels: InputPath
@@ -51,25 +52,30 @@ class SceneSection(TypedDict, total=False):
     """BOP: the folder of the split below the data set (test, train_real, test_primesense, …)."""
     sensor: str
     """BOP: the sensor whose files are read where scenes have several (cam1 for scene_camera_cam1.json, depth_cam1, …);
-    none = the plain names, else the first sensor with ground truth."""
+    none = the plain names, else the first sensor with ground truth.
+    """
     demo: str
     """Demo: name of the built-in scene; an unknown name lists them."""
     turned: Flag
     """Demo, layout: every object turned by half, about the vertical or an axis about which its shape hardly changes,
-    and put down again where it lay. Paper Sec. V-D: half of the trials."""
+    and put down again where it lay. Paper Sec. V-D: half of the trials.
+    """
     frames: Sequence[str]
     """Frames as "scene/image"; none = all of the targets file, else all of the split. BOP: also a list by its name:
-    "linemod-paper", "ycbv-keyframes" (paper Sec. V), or a targets file of the data set."""
+    "linemod-paper", "ycbv-keyframes" (paper Sec. V), or a targets file of the data set.
+    """
     sequence: Flag
     """The frames of a scene are in order, as of a video: how poses change from one to the next is measured. So it is
-    without this for layouts of videos, for traces that are named by numbers alone, and with `method.track`."""
+    without this for layouts of videos, for traces that are named by numbers alone, and with `method.track`.
+    """
     objects: Sequence[Whole]
     """BOP object ids to solve; none = all."""
     masks: InputPath
     """mask_visib or mask (folders of the data set), or the path of a BOP detections JSON."""
     gravity: Literal["plane", "world"] | Numbers
     """Where "up" comes from: the support plane's normal, the data set's camera pose, or a vector of gravity in the
-    camera frame (an IMU's reading)."""
+    camera frame (an IMU's reading).
+    """
     seed: Whole
     """Seeds sensor noise of demo scenes, cloud and mesh sampling, and plane search."""
     cloud_points: Whole
@@ -99,7 +105,8 @@ class DataSection(TypedDict, total=False):
     """What translations of initial poses are multiplied by."""
     poses: Literal["given", "inverse", "opengl", "transposed", "x-90", "x90"]
     """How initial poses are written. inverse: camera in the object's frame. opengl: y up, z backwards. transposed:
-    rotations column by column. x90, x-90: for models that are turned so about x."""
+    rotations column by column. x90, x-90: for models that are turned so about x.
+    """
     inverted_masks: Sequence[Whole]
     """Object ids whose masks cover everything but the object."""
 
@@ -110,10 +117,12 @@ class HypothesesSection(TypedDict, total=False):
     source: AnyEstimator
     """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation.
     recorded: those of source folder, all of them. Or an estimator: ppf, point pair features; pcs, congruent point sets
-    (Super4PCS); densefusion, the network, with weights of yours; one of your own by its name (docs/guide.md)."""
+    (Super4PCS); densefusion, the network, with weights of yours; one of your own by its name (docs/guide.md).
+    """
     files: Sequence[InputPath]
     """Results files (CSV), relative to the session file; the most trusted first: they take turns in the pool, the best
-    row of each, then the second best, …"""
+    row of each, then the second best, …
+    """
     max_per_object: Whole
     """H, hypotheses per object; further rows are left out, lowest score first."""
     rotation_deg: Number
@@ -125,7 +134,8 @@ class HypothesesSection(TypedDict, total=False):
     flips: Flag
     """Whether a promising pose's flips, at which the shape looks nearly the same (a box turned over, a can turned about
     its axis), compete with it: scored, without a call of the refiner. Only where colour counts, for depth alone often
-    chooses the wrong one (docs/methods.md 1.11). Preset recommended: true with depth_net_icp."""
+    chooses the wrong one (docs/methods.md 1.11). Preset recommended: true with depth_net_icp.
+    """
     estimate: Sequence[Sequence[str | Whole]]
     """Instances whose initial poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
 
@@ -135,45 +145,55 @@ class MethodSection(TypedDict, total=False):
 
     name: MethodName
     """refine, phys_before, phys_after, even, expl, pir, sir, rir, vf_breadth, vf_depth, physim_mcts; trace: the steps
-    that a trace recorded."""
+    that a trace recorded.
+    """
     refiner: AnyRefiner
     """Name of the refiner. Presets: recommended has depth_net_icp, paper and published have icp."""
     track: Flag
     """Frames are those of a video: what the last frame of the scene answered for an object is one of its initial poses
-    in the next, before the others, moved along with the camera where the data set knows its pose."""
+    in the next, before the others, moved along with the camera where the data set knows its pose.
+    """
     iterations: Whole
     """K, refiner calls per hypothesis; a method with H hypotheses has H·K. Paper Sec. V: 5 with ICP."""
     exploration: Number
     """c, weight of the exploration term in UCB [score]. The paper gives no value, the authors' code has 0.1; but their
     score spreads over a quarter of the range of this one, and measured on real frames 0.5-1.0 finds better poses
-    (docs/methods.md 1.8.21)."""
+    (docs/methods.md 1.8.21).
+    """
     seed: Whole
     """For methods that draw numbers."""
     sim_candidate: Literal["full", "rotation_only"]
     """SIR: which simulated pose is scored and may be accepted: the simulator's whole pose (authors' code), or its
-    rotation with the current translation, as it enters the refiner."""
+    rotation with the current translation, as it enters the refiner.
+    """
     accept: Literal["latest", "never_worse"]
     """SIR: the next iteration starts from this iteration's better candidate even if the score fell (authors' code), or
-    only if it did not fall."""
+    only if it did not fall.
+    """
     discount: Number
     """γ, vf_depth: what a play of the pass before still counts. The paper: "a small factor"; authors' code: 0.99."""
     scene_reward: Literal["best_known", "current_pass"]
     """vf_depth: of which poses the scene score is that rewards the hypotheses: those of this pass (authors' code), or
-    the best of each object so far (the paper's text)."""
+    the best of each object so far (the paper's text).
+    """
     scene_answer: Literal["incumbent", "per_object"]
     """vf_depth: the combination of poses whose scene score was the highest ever seen, or for each object its own best
-    score, whether or not they fit together (authors' code)."""
+    score, whether or not they fit together (authors' code).
+    """
     scene_prior: Literal["object", "scene"]
     """vf_depth: what a hypothesis's first play is worth: the score of the scene with its pose and the other objects'
-    best initial ones, which is the scale of later rewards, or of its initial pose alone (authors' code)."""
+    best initial ones, which is the scale of later rewards, or of its initial pose alone (authors' code).
+    """
     scene_pixels: Literal["cluster", "frame"]
     """vf_depth: whose masks a scene score uses: those of the cluster, or of all objects (authors' code)."""
     occluders: Literal["none", "placed"]
     """vf_breadth, vf_depth: whether objects placed before are rendered as what may hide the one being scored; the
-    authors' code does not."""
+    authors' code does not.
+    """
     carry_clusters: Flag
     """vf_breadth, vf_depth: earlier clusters stay in simulation and rendering for later ones; the authors' code forgets
-    them."""
+    them.
+    """
 
 
 class IcpSection(TypedDict, total=False):
@@ -183,15 +203,18 @@ class IcpSection(TypedDict, total=False):
     """Distance that a step minimises."""
     stop: Literal["max_iterations", "published", "tolerance"]
     """published: stops after 2 inner iterations, as the authors' PCL settings do. max_iterations: always runs them all.
-    tolerance: until the step is below 1e-6."""
+    tolerance: until the step is below 1e-6.
+    """
     max_iterations: Whole
     """Inner iterations per refiner call."""
     gate: Literal["published", "shrinking"]
     """Largest distance of a correspondence. published: 0.1 × the observed cloud's largest extent, which leaves far
-    starts untouched. shrinking: starts at 0.5 of it and tightens to the published gate."""
+    starts untouched. shrinking: starts at 0.5 of it and tightens to the published gate.
+    """
     matches: Literal["all", "same_side"]
     """Which correspondences within the gate count. all: every one (published). same_side: those whose observed and
-    model normals lie within 90° of each other, so that the seen front is not pulled to the model's back."""
+    model normals lie within 90° of each other, so that the seen front is not pulled to the model's back.
+    """
 
 
 class TricpSection(TypedDict, total=False):
@@ -221,17 +244,20 @@ class DenseFusionSection(TypedDict, total=False):
 
     weights: InputPath
     """PoseNet: official .pth file (which needs the extra `torch` once), or ONNX file of `verefine-viz train
-    densefusion`, relative to the session file; empty = the package's, which know the objects of the built-in scenes."""
+    densefusion`, relative to the session file; empty = the package's, which know the objects of the built-in scenes.
+    """
     refiner_weights: InputPath
     """PoseRefineNet: the same; of one training with `weights`."""
     classes: Sequence[Whole]
     """Ids of the objects in the order of the network's classes; none = as the weights have it: of official ones the 21
-    objects of YCB-Video or the 13 of LINEMOD, whose order and frames are known."""
+    objects of YCB-Video or the 13 of LINEMOD, whose order and frames are known.
+    """
     points: Whole
     """Points of the mask that the networks see; 0 = as in training, official: 1000 on YCB-Video, 500 on LINEMOD."""
     iterations: Whole
     """Steps of PoseRefineNet per refiner call. Paper Sec. V: 2 in all, shared out over 2 iterations (`method.iterations
-    = 2`)."""
+    = 2`).
+    """
     seed: Whole
     """Seeds the points, and which of their poses make up the pool."""
 
@@ -258,16 +284,20 @@ class DependencySection(TypedDict, total=False):
 
     rule: Literal["published", "recommended"]
     """recommended: contact, occlusion and support from the visible clouds. published: masks that touch when dilated by
-    one pixel form a cluster, lower tops come first."""
+    one pixel form a cluster, lower tops come first.
+    """
     clusters: Literal["components", "cuthill_mckee"]
     """Which objects are one cluster. components: all that edges connect, over others too. cuthill_mckee: as the
-    authors' code splits them, which takes some apart that edges connect."""
+    authors' code splits them, which takes some apart that edges connect.
+    """
     order: Sequence[Sequence[Whole | str]]
     """Clusters in the order to solve them, which wins over any rule: object ids, or "#4" for instance 4 where an object
-    is there twice, as [[8, 2], [3]]."""
+    is there twice, as [[8, 2], [3]].
+    """
     order_file: InputPath
     """A JSON file of orders by frame, {"50/1": [[8, 2], [3]]}, relative to the session file; none = the order that came
-    with the frame, as those of Extended APC have one, else the rule's."""
+    with the frame, as those of Extended APC have one, else the rule's.
+    """
     cut: Sequence[Sequence[Whole]]
     """Pairs of instances between which no edge is to count."""
     contact_m: Number
@@ -302,23 +332,28 @@ class PcsSection(TypedDict, total=False):
 
     delta_m: Number
     """δ, distance within which two points correspond [m]; pairs, quads and fits may differ by 2δ. Larger for a noisier
-    sensor."""
+    sensor.
+    """
     grid_m: Number
     """Side of the grid that thins segment and model [m]; finer for small objects."""
     part_share: Number
     """Parts of the segment that stand alone and hold less than this share of its points are left out: a mask that leaks
-    leaves such. 0 keeps all (published code)."""
+    leaves such. 0 keeps all (published code).
+    """
     samples: Whole
     """Points of the model, spread evenly, of which those that lie on the segment are counted; more tell similar poses
-    better apart, and take longer."""
+    better apart, and take longer.
+    """
     spacing_m: Number
     """Points that are at least so far apart make up the quads [m]; the number of quads grows with the fourth power of
-    the number of points. 0 takes all (published code)."""
+    the number of points. 0 takes all (published code).
+    """
     bases: Whole
     """Bases tried; the published code goes on for 1 s, so that its results depend on the machine."""
     keep_share: Number
     """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, and then the middle of a
-    cluster is often none of the good poses."""
+    cluster is often none of the good poses.
+    """
     seed: Whole
     """Seeds bases, quads and clusters."""
 
@@ -328,31 +363,38 @@ class ScoreSection(TypedDict, total=False):
 
     verifier: AnyVerifier
     """eq_1: Eq. 1, as the fields below have it. Else the name of a verifier of your own, which scores poses in its
-    place (docs/guide.md, "Your own verifier") and reads of the fields below what it wants."""
+    place (docs/guide.md, "Your own verifier") and reads of the fields below what it wants.
+    """
     pixels: Literal["classes", "observed", "published"]
     """Which pixels count. published: rendered or observed depth of any object (authors' shader). observed: valid depth
     in the object's mask (the paper's text). classes: the object's own mask and rendering, with what something nearer
-    hides and what was not measured left out: orders real poses best (bench/rank_real_poses.py)."""
+    hides and what was not measured left out: orders real poses best (bench/rank_real_poses.py).
+    """
     tau_m: Number
     """τ, depth tolerance [m]. Paper Sec. V: 20 mm."""
     alpha: Number
     """α, tolerance of 1 − n·n̂ [-]. The authors' shader has 0.707, which cuts off at 73°; "45°" taken literally is
-    0.293."""
+    0.293.
+    """
     pixel_centre: Literal["half", "integer"]
     """Where the centre of pixel (0, 0) lies in the camera matrix's image: at (0, 0), as the depth sensor has it, or
-    half a pixel further, as the authors' projection has it."""
+    half a pixel further, as the authors' projection has it.
+    """
     colour_weight: Number
     """w, weight of colour: f̄ becomes (1 − w) f̄ + w max(f_c, 0), with f_c the correlation of rendered and observed
     colour (docs/methods.md 1.10). 0 = depth and normals alone, as in the paper. An object whose model, or whose part of
-    the image, is of one colour has w = 0. Preset recommended: 0.1 with depth_net_icp."""
+    the image, is of one colour has w = 0. Preset recommended: 0.1 with depth_net_icp.
+    """
     plausibility_weight: Number
     """w, weight of plausibility: the score f becomes (1 − w) f + w p, with p in [0, 1] lower for a pose that floats,
-    sinks into something or would fall (docs/methods.md 1.14). 0 = not asked, as in the paper. Takes a support plane."""
+    sinks into something or would fall (docs/methods.md 1.14). 0 = not asked, as in the paper. Takes a support plane.
+    """
     renderer: Literal["auto", "cpu", "gl"]
     """auto: the CPU rasteriser, or OpenGL 4.3 on a GPU where that was measured to be faster here (`doctor` says it)."""
     simplify_mm: Number
     """Largest deviation of the mesh that is scored from the model's mesh [mm]; 0 keeps every triangle. 0.2 moves the
-    scores of real frames by up to 0.001, and takes two thirds of the time."""
+    scores of real frames by up to 0.001, and takes two thirds of the time.
+    """
 
 
 class PhysicsSection(TypedDict, total=False):
@@ -378,12 +420,14 @@ class PhysicsSection(TypedDict, total=False):
     """Convex decomposition keeps bowls and mugs hollow; the authors use one hull per object."""
     collider_folder: InputPath
     """Folder of convex parts that take its place, obj_000005.obj for object 5 with a part in each of the file's objects
-    (as V-HACD writes them); models without a file follow `collider`."""
+    (as V-HACD writes them); models without a file follow `collider`.
+    """
     collider_unit_m: Number
     """One unit of these files [m]; 0.001 for millimetres."""
     inertia: Literal["box", "mesh"]
     """Whose moments of inertia an object has, about the mesh's centre of mass: its mesh's, or its bounding box's along
-    the axes of the model (authors' code: Bullet's default)."""
+    the axes of the model (authors' code: Bullet's default).
+    """
     margin_m: Number
     """Collision margin [m]; Bullet's default for meshes is 1e-3, which leaves objects 1 mm above the plane."""
     gravity_m_s2: Number
@@ -394,7 +438,8 @@ class PhysicsSection(TypedDict, total=False):
     """Objects already placed stay where they are, or are pushed (authors' code)."""
     support: Literal["mesh", "observed", "plane"]
     """What supports and stops the objects. plane: the support plane alone (paper Sec. III-A). observed: all that the
-    depth image shows outside of the masks; docs/methods.md 7.4. mesh: the file in `physics.mesh`."""
+    depth image shows outside of the masks; docs/methods.md 7.4. mesh: the file in `physics.mesh`.
+    """
     dropped: Sequence[Sequence[str | Whole]]
     """observed: unknown objects that stop nothing, each with its frame, as [["50/1", 2]]."""
     mesh: InputPath
@@ -403,7 +448,8 @@ class PhysicsSection(TypedDict, total=False):
     """mesh: one unit of the file [m]; 0.001 for millimetres."""
     mesh_frame: Literal["camera", "world"]
     """mesh: the frame that `mesh_pose` is given in: the data set's world (cam_R_w2c and cam_t_w2c of the frame), or the
-    camera's."""
+    camera's.
+    """
     mesh_pose: Numbers
     """mesh: where the file's frame is in that frame, 4×4 row by row, lengths in metres; none = the same frame."""
 
@@ -413,10 +459,12 @@ class GraspSection(TypedDict, total=False):
 
     answers: Flag
     """Whether a batch carries out a grasp at each answer, and at its ground truth, and recordings show it; takes
-    seconds per object."""
+    seconds per object.
+    """
     folder: InputPath
     """Folder of annotated grasps, .npy files of 4×4 transforms [m] in the object's frame, one per object, named after
-    it ("011_banana.npy", "obj_000010.npy"), relative to the session file; "" = grasps sampled on the mesh."""
+    it ("011_banana.npy", "obj_000010.npy"), relative to the session file; "" = grasps sampled on the mesh.
+    """
     samples: Whole
     """Grasps that are sampled on the mesh of an object without annotated ones; more where few of them are free."""
     seed: Whole
@@ -477,7 +525,8 @@ class RecordingSection(TypedDict, total=False):
     keep: Literal["all", "failures", "none", "sample"]
     """Which frames of a batch keep their recording (about 3 MB each); failures: final error above 10 % of the diameter,
     or no answer; sample: all of up to 200 frames, of more the failures and about 200 others. Whatever is kept, `replay
-    RUN --draw` makes it from the run file."""
+    RUN --draw` makes it from the run file.
+    """
     maps: Flag
     """Log depth and score maps of every iteration (about 0.05 MB each), else numbers and poses only."""
 
@@ -555,10 +604,12 @@ class OtherSections(TypedDict, total=False):
     """Edited poses, so that a saved session repeats them."""
     tracked: Sequence[TrackedPoseSection]
     """With `method.track`, what frames of this run began with, so that a recording or a saved session repeats them
-    without solving the frames before."""
+    without solving the frames before.
+    """
     starts: Sequence[StartPoseSection]
     """Poses that objects begin with in place of `[hypotheses]`, each the only one of its object, so that a saved
-    session repeats what "Refine this pose" of the page began."""
+    session repeats what "Refine this pose" of the page began.
+    """
     changes: Sequence[ChangeSection]
     """Settings changed during the run, so that a saved session repeats them."""
 
@@ -569,5 +620,6 @@ class Sections(OtherSections, total=False):
     preset: Literal["paper", "published", "recommended"]
     """recommended: what is right most often on real frames; colour and flips only with its own refiner. paper: every
     choice as the paper's text has it, and its budget for the refiner. published: as the authors' public code has it.
-    Fields given explicitly win over it. docs/methods.md 1.8."""
+    Fields given explicitly win over it. docs/methods.md 1.8.
+    """
     method: MethodSection

@@ -171,7 +171,7 @@ class Workspace:
             raise InputError(unknown("frame", frame, self.frames))
         if frame not in self._works:
             solved = self._solved(self.tools, frame, self.records)
-            self._works[frame] = solved or self._begin(self.tools, self._read(self.tools, frame))
+            self._works[frame] = solved or self._begin(self.tools, self.tools.problem(frame, ahead=self._ahead))
         self._switch(frame)
 
     def open_recording(self, path: Path) -> None:
@@ -223,7 +223,7 @@ class Workspace:
 
     def show_labelled(self, frame: str) -> None:
         """Open a frame whose labels changed, as those of others may have: runs on them are over."""
-        self._works = {frame: self._begin(self.tools, self._read(self.tools, frame))}
+        self._works = {frame: self._begin(self.tools, self.tools.problem(frame, ahead=self._ahead))}
         self._switch(frame)
 
     def begin_again(self, model: ObjectModel) -> bool:
@@ -239,7 +239,9 @@ class Workspace:
             and any(one.mesh_hash == model.mesh_hash for one in work.first.run.problem.models.values())
         }
         is_here = self.frame in shown
-        here = {self.frame: self._begin(self.tools, self._read(self.tools, self.frame))} if is_here else {}
+        here = (
+            {self.frame: self._begin(self.tools, self.tools.problem(self.frame, ahead=self._ahead))} if is_here else {}
+        )
         self._works = {frame: work for frame, work in self._works.items() if frame not in shown} | here
         if is_here:
             self._switch(self.frame)
@@ -466,14 +468,11 @@ class Workspace:
             if solved := self._solved(tools, frame, records):
                 return frame, solved
             try:
-                problem = self._read(tools, frame)
+                problem = tools.problem(frame, ahead=self._ahead)
                 return frame, self._begin(tools, replace(problem, notes=(*problem.notes, *_passed_over(faults))))
             except InputError as error:
                 faults.append((frame, error))
         raise faults[0][1]
-
-    def _read(self, tools: Toolbox, frame: str) -> Problem:
-        return tools.problem(frame) if self._ahead is None else tools.problem(frame, ahead=self._ahead)
 
     def _recorded(self, path: Path, record: RunRecord, tools: Toolbox, problem: Problem) -> Branch:
         run = recorded_run(record, tools, problem)
@@ -487,7 +486,7 @@ class Workspace:
     def _new(self, name: str, tools: Toolbox, problem: Problem, data: DataCheck) -> Branch:
         self.progress.checkpoint(_preparing(problem, tools.session, self._ahead is None))
         start = with_its_tracked(tools.session, problem)
-        run = tools.run(problem) if self._ahead is None else tools.run(problem, is_prepared=True)
+        run = tools.run(problem, is_prepared=self._ahead is not None)
         return Branch(
             next(self._numbers), name, run, tools, data, start, tools.session.changes, self._evaluators(tools)
         )

@@ -225,6 +225,7 @@ function Card({ row, place, several, selected, current, open, order, isSeen }) {
   const [icon, words] = TONES[row.tone];
   const click = (e) => {
     if (e.target.closest("button, input")) return;
+    showFilm(null); // What a click opens takes the card from under the mouse, which then never leaves it.
     if (e.ctrlKey || e.metaKey || e.shiftKey) toggle(row.key);
     else openAnswer(row);
   };
