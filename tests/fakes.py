@@ -187,6 +187,6 @@ class OneFrame:
     def frames(self) -> tuple[str, ...]:
         return (self.only.frame,)
 
-    def problem(self, frame: str, **_: object) -> Problem:
+    def problem(self, frame: str, progress: object = None) -> Problem:
         assert frame == self.only.frame
         return self.only
