@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from numba import config, njit
 
 from verefine_viz.core import kernels
 from verefine_viz.core.clock import Clock, clock
-from verefine_viz.core.kernels import OWNER, made_folder
+from verefine_viz.core.kernels import OWNER, kernel, made_folder
 from verefine_viz.run.kernel_compilation import compiling_reported
 
 KERNEL = """
@@ -26,6 +27,10 @@ class Older(NamedTuple):
 def twice(pair):
     return 2 * pair.x
 """
+
+
+def increased(x: Any) -> Any:
+    return x + 1
 
 
 def started_with(path: Path) -> Any:
@@ -112,3 +117,27 @@ def test_the_clock_of_runs_stands_still_while_a_kernel_is_compiled() -> None:
     assert len(seen) == 4
     assert len(set(seen)) == 1
     assert clock() > seen[0]
+
+
+def test_two_types_that_are_saved_at_once_keep_a_code_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As two processes do that start after an installation and call a kernel with other types."""
+    monkeypatch.setattr(kernels, "cache_folder", lambda: tmp_path)
+    # Numba has no public way to its files.
+    dispatchers: list[Any] = [kernel()(increased) for _ in range(2)]
+    first, second = (dispatcher._cache._cache_file for dispatcher in dispatchers)
+    Path(first._cache_path).mkdir(parents=True, exist_ok=True)
+    has_read, load = threading.Event(), first._load_index
+
+    def slowly() -> object:
+        listed = load()
+        has_read.set()
+        time.sleep(0.3)  # Long enough for the other one to come between, where it does not wait.
+        return listed
+
+    monkeypatch.setattr(first, "_load_index", slowly)
+    saving = threading.Thread(target=first.save, args=("for floats", "code for floats"))
+    saving.start()
+    assert has_read.wait(60)
+    second.save("for integers", "code for integers")
+    saving.join()
+    assert [second.load(key) for key in ("for floats", "for integers")] == ["code for floats", "code for integers"]

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.finding import Finding
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Problem
@@ -43,11 +44,11 @@ def built_in_frames() -> Iterator[Problem]:
             yield demo_problem(name, SceneSettings(), HypothesesSettings(), frame)
 
 
-def named(problem: Problem, poses: Poses, surface_of: Callable[[ObjectModel], Surface]) -> set[int]:
-    """Instances whose poses (4, 4) are called impossible where no ground truth is known."""
+def named(problem: Problem, poses: Poses, surface_of: Callable[[ObjectModel], Surface]) -> dict[int, Finding]:
+    """Instances whose poses (4, 4) are called impossible where no ground truth is known, and why."""
     blind = replace(problem, instances=tuple(replace(i, T_cam_obj_gt=None) for i in problem.instances))
     check = partial(plausibility, settings=PhysicsSettings(collider="hull"), surface_of=surface_of)
-    return set(impossible_answers(blind, poses, check, heights_of(blind, poses)))
+    return impossible_answers(blind, poses, check, heights_of(blind, poses))
 
 
 def heights_of(problem: Problem, poses: Poses) -> MeasuredHeights | None:
@@ -105,7 +106,8 @@ def table(frames: Iterable[Problem]) -> dict[str, list[tuple[str, bool]]]:
             own, label = target.instance.instance_id, f"{problem.frame} {target.model.name}"
             if truth[k] is None:
                 continue
-            rows.setdefault("ground truth", []).append((label, own in at_truth))
+            why = f": {at_truth[own].text}" if own in at_truth else ""
+            rows.setdefault("ground truth", []).append((label + why, own in at_truth))
             for what, T in wrong_poses(problem, k):
                 is_named = own in named(problem, [*truth[:k], T, *truth[k + 1 :]], surfaces)
                 rows.setdefault(what, []).append((label, is_named))

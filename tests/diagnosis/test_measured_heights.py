@@ -95,4 +95,4 @@ def test_depth_that_measures_heights_shorter_still_accuses_no_pose(shared_data: 
     heights = heights_of(problem, deeper)
     assert heights is not None
     assert heights.ratio == pytest.approx(0.90, abs=0.01)
-    assert named(problem, deeper, Surfaces()) == set()
+    assert named(problem, deeper, Surfaces()) == {}

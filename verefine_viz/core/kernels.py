@@ -18,17 +18,20 @@ from typing import Any, TypeVar, cast
 import platformdirs
 from numba import config, njit
 from numba.core import event
+from numba.core.dispatcher import Dispatcher
 
 from verefine_viz import __version__
 from verefine_viz.core.clock import clock
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.writing import atomic
+from verefine_viz.core.writing import atomic, wait_for_lock
 
 PACKAGE = Path(__file__).resolve().parents[1]
 OF_KERNELS = (b"@kernel", b"(NamedTuple)")
 """What the source of a kernel, or of a type that is handed to one, holds."""
 OWNER = "verefine-viz.txt"
 """A file in each folder: the package that made it."""
+LOCK = "saving.lock"
+"""A file beside the kernels of a module, which is locked while one is saved."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -44,11 +47,31 @@ def kernel(nogil: bool = False) -> Callable[[F], F]:
         # Numba decides here where to cache it; kernels of a user's program stay where they are.
         before, config.CACHE_DIR = config.CACHE_DIR, str(cache_folder())  # pyright: ignore
         try:
-            return cast(F, njit(cache=True, nogil=nogil)(function))
+            dispatcher: Any = njit(cache=True, nogil=nogil)(function)
         finally:
             config.CACHE_DIR = before  # pyright: ignore
+        if isinstance(dispatcher, Dispatcher):  # With NUMBA_DISABLE_JIT it is the function.
+            _save_one_at_a_time(dispatcher)
+        return cast(F, dispatcher)
 
     return compiled
+
+
+def _save_one_at_a_time(dispatcher: Any) -> None:
+    """Have the processes that save a kernel wait for each other.
+
+    Numba numbers what it saves of a function, for one type of arguments after the other, by the list that is on disk.
+    Two processes that read the list at the same time take the same number, and one type is then run by the code of the
+    other: wrong numbers, without an error.
+    """
+    file = dispatcher._cache._cache_file
+    save, lock = file.save, Path(file._cache_path) / LOCK
+
+    def saved(key: object, data: object) -> None:
+        with wait_for_lock(lock):
+            save(key, data)
+
+    file.save = saved
 
 
 @cache
