@@ -174,7 +174,7 @@ def test_the_rerun_viewer_opens_it_and_one_line_says_where(
 
 def test_the_page_opens_it(recording: Path, served: dict[str, Any]) -> None:
     assert cli.main(["view", str(recording)]) == 0
-    page_app.check_names(served["session"])
+    page_app.check(served["session"])
     assert served["recording"] == recording
     branch = Workspace(served["session"], None, Toolbox, recording=recording).work.first
     assert branch.run.length == 2

@@ -17,7 +17,6 @@ from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import PhysicsSettings, ScoreSettings, Session
 from verefine_viz.estimators.registry import ESTIMATORS, make_estimator
-from verefine_viz.page.app import check_method
 from verefine_viz.page.protocol import Fork, RunVerb
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
@@ -27,6 +26,7 @@ from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.rendering.registry import VERIFIERS, make_verifier
 from verefine_viz.run.session_file import resolve
+from verefine_viz.run.session_parts import check_names
 from verefine_viz.run.toolbox import Toolbox
 
 OWN = PhysicsSettings(simulator="own")
@@ -131,11 +131,11 @@ def test_a_name_that_is_not_there_lists_those_that_are():
     ):
         make_simulator(PhysicsSettings(simulator="bulet"))
     with pytest.raises(SettingsError, match="unknown simulator 'mujoco'"):
-        check_method(session(simulator="mujoco"))
+        check_names(session(simulator="mujoco"))
     with pytest.raises(
         SettingsError, match=r"unknown hypotheses.source 'pff'; did you mean 'ppf'\? available: results"
     ):
-        check_method(resolve({"hypotheses": {"source": "pff"}}))
+        check_names(resolve({"hypotheses": {"source": "pff"}}))
 
 
 def test_a_path_ends_where_the_object_leaves_the_reach_of_the_camera(monkeypatch: pytest.MonkeyPatch):

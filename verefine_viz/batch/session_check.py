@@ -11,7 +11,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.grasping.grasp_poses import grasp_files
 from verefine_viz.observation.given_order import Entries, checked, read_orders
 from verefine_viz.physics.given_parts import check_collider_folder
-from verefine_viz.run.session_parts import check_source
+from verefine_viz.run.session_parts import check_names
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.environment_mesh import environment_mesh
 from verefine_viz.scenes.models import ModelLibrary
@@ -34,7 +34,7 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
         raise InputError("the session names no frames: the split and the targets file hold none")
     notes = (*toolbox.notes, *toolbox.source.check_initial_poses())
     check_orders(session, frames)
-    check_source(session)
+    check_names(session)
     _ = toolbox.method  # With its refiner and its verifier.
     if session.physics.support == "mesh":
         environment_mesh(session.physics)

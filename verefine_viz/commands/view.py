@@ -123,8 +123,8 @@ class ViewCommand:
             raise InputError(f"{wrong} is no session; with --watch expected a session file (.toml) or none")
         from verefine_viz.batch.index import is_batch_folder
         from verefine_viz.batch.watch import Watch, data_folders
-        from verefine_viz.page.app import check_method
         from verefine_viz.run.session_file import DURING_A_RUN, load_session
+        from verefine_viz.run.session_parts import check_names
 
         if is_batch_folder(folder) and not data_folders(folder):
             raise InputError(
@@ -134,7 +134,7 @@ class ViewCommand:
         base = load_session(self.session, overrides) if self.session is not None else None
         by_options = {section: given for section, given in overrides.items() if section in DURING_A_RUN}
         settings = base or load_session(None, by_options)
-        check_method(settings)
+        check_names(settings)
         beside = folder.resolve()
         out = self.out if self.out is not None else beside.with_name(f"{beside.name}-runs")
         return self.serve(settings, watch=Watch(folder, out, base, overrides))

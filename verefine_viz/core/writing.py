@@ -39,6 +39,8 @@ def path_fault(path: Path, error: OSError) -> str:
     if error.errno in DISK_FULL:
         return message
     there = _there(path.absolute())
+    if error.errno == errno.ENOENT and there.is_dir():
+        return f"no file can be made in {there}"
     kind = f"a link to {there.readlink()}" if there.is_symlink() else "a folder" if there.is_dir() else "a file"
     return f"{there} is {kind}: {message}"
 

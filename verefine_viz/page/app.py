@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.core.errors import Cancelled, SettingsError, one_line, unknown
+from verefine_viz.core.errors import Cancelled, one_line
 from verefine_viz.core.files import first_line
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import say
-from verefine_viz.methods.known_methods import METHODS
 from verefine_viz.page import proxy
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.export import Exporter
@@ -43,12 +42,9 @@ from verefine_viz.page.views.frame import png
 from verefine_viz.page.web_files import demo_picture
 from verefine_viz.page.worker import Job, Jobs, Worker
 from verefine_viz.page.workspace import HULLS, Checks, Workspace, no_records
-from verefine_viz.physics.registry import simulator_names
-from verefine_viz.refiners.registry import REFINERS
-from verefine_viz.rendering.registry import verifier_names
 from verefine_viz.run.edits import edits_elsewhere
 from verefine_viz.run.session_file import changed
-from verefine_viz.run.session_parts import check_source
+from verefine_viz.run.session_parts import check_names
 
 if TYPE_CHECKING:
     from verefine_viz.batch.watch import Watch
@@ -357,7 +353,7 @@ def serve(
     Raises:
         VerefineError: the address cannot be bound, or the session cannot be opened.
     """
-    notes = check_names(session) if watch is None else ()
+    notes = check(session) if watch is None else ()
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:  # nohup has it ignored.
             signal.signal(number, signal.default_int_handler)
@@ -380,24 +376,7 @@ def serve(
         app.stop()
 
 
-def check_method(session: Session) -> None:
-    """Check that method, refiner and verifier exist.
-
-    Raises:
-        SettingsError: one of them does not.
-    """
-    if session.method.name not in METHODS:
-        raise SettingsError(unknown("method", session.method.name, tuple(METHODS)))
-    if session.method.refiner not in REFINERS:
-        raise SettingsError(unknown("refiner", session.method.refiner, REFINERS))
-    if session.score.verifier not in verifier_names():
-        raise SettingsError(unknown("verifier", session.score.verifier, verifier_names()))
-    if session.physics.simulator not in simulator_names():
-        raise SettingsError(unknown("simulator", session.physics.simulator, simulator_names()))
-    check_source(session)
-
-
-def check_names(session: Session) -> tuple[str, ...]:
+def check(session: Session) -> tuple[str, ...]:
     """Check that scene, method, refiner and verifier exist; return notes on the choice of frames.
 
     Raises:
@@ -405,7 +384,7 @@ def check_names(session: Session) -> tuple[str, ...]:
     """
     from verefine_viz.scenes.source import open_scene
 
-    check_method(session)
+    check_names(session)
     scene = open_scene(session.scene, session.hypotheses)
     return (*scene.notes, *edits_elsewhere(session.edits, scene.frames))
 

@@ -8,7 +8,7 @@ from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import POSES_GIVEN, Session
 from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.estimators.registry import WEIGHTS as ESTIMATOR_WEIGHTS
-from verefine_viz.methods.known_methods import method_of
+from verefine_viz.methods.known_methods import METHODS, method_of
 from verefine_viz.physics.registry import simulator_names
 from verefine_viz.refiners.registry import REFINERS, WEIGHTS
 from verefine_viz.rendering.registry import verifier_names
@@ -46,15 +46,22 @@ def estimators_of(session: Session) -> set[str]:
     return ({h.source} - {*POSES_GIVEN}) | {name for *_, name in h.estimate}
 
 
-def check_source(session: Session) -> None:
-    """Check that this program knows where the initial poses come from.
+def check_names(session: Session) -> None:
+    """Check that this program has the method, refiner, verifier, simulator and source of initial poses of a session,
+    those too that its method does not use.
 
     Raises:
-        SettingsError: it does not; lists what it knows.
+        SettingsError: one is not there; lists what is.
     """
-    source, known = session.hypotheses.source, (*POSES_GIVEN, *ESTIMATORS)
-    if source not in known:
-        raise SettingsError(unknown("hypotheses.source", source, known))
+    for kind, name, known in (
+        ("method", session.method.name, tuple(METHODS)),
+        ("refiner", session.method.refiner, tuple(REFINERS)),
+        ("verifier", session.score.verifier, verifier_names()),
+        ("simulator", session.physics.simulator, simulator_names()),
+        ("hypotheses.source", session.hypotheses.source, (*POSES_GIVEN, *ESTIMATORS)),
+    ):
+        if name not in known:
+            raise SettingsError(unknown(kind, name, known))
 
 
 def weights_of(session: Session) -> dict[str, str]:
