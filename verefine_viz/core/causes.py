@@ -1,4 +1,4 @@
-"""What can have gone wrong: of each cause what page, tables, report and documents say. ``make tables`` writes the last.
+"""Causes of failure, with what page, tables, report and documents say about each. ``make tables`` writes the documents.
 
 Each is tested by a function of ``input_causes.py``, ``scene_causes.py`` or ``search_causes.py``, and shown by a scene.
 """
@@ -58,26 +58,26 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class KnownCause:
-    """What people read about a cause. Texts without a capital letter and a full stop stand in a sentence."""
+    """Texts about a cause. Those without a capital letter and a full stop become part of a sentence."""
 
     title: str
-    """For tables, bar charts, filters."""
+    """A few words for tables, bar charts and filters."""
     what: str
-    """What is wrong, as markdown."""
+    """What is wrong, in markdown."""
     shown_by: str
-    """How it shows."""
+    """How the cause shows."""
     advice: str
     """What to try."""
     remedies: tuple[Remedy, ...] = ()
     """Settings that may help; none where only the data can be mended."""
     numbers: Mapping[str, str] = field(default_factory=dict)
-    """What the numbers of its findings mean, those of :data:`RERUN_NUMBERS` aside: names, and what they say."""
+    """Names of the numbers in its findings, apart from :data:`RERUN_NUMBERS`, and what each means."""
     picture: str
     """What ``docs/causes/NAME.png`` shows."""
     command: str = ""
-    """``verefine-viz`` with it shows the cause; "" where ``scripts/cause_scenes.py`` spoils a frame for it."""
+    """Arguments of ``verefine-viz`` that show the cause; "" where ``scripts/cause_scenes.py`` spoils a frame for it."""
     is_by_chance: bool = False
-    """Whether it needs a control even where no re-run showed it; others are plain to see in what the run did."""
+    """Whether it needs a control even where no re-run showed it; other causes are plain from what the run did."""
 
 
 STARVED_ADVICE = "each came right when its best hypothesis got the whole budget, so try "
@@ -88,7 +88,7 @@ RERUN_NUMBERS = {
     "out right; missing where none did, and where no re-run was needed",
     "repaired, repaired_right": "the same with what was put right",
 }
-"""What numbers mean that findings of any cause may have."""
+"""Numbers that findings of any cause may have, and what each means."""
 CAUSES: dict[Cause, KnownCause] = {
     Cause.GROUND_TRUTH: KnownCause(
         title="ground truth does not fit its image",
@@ -405,10 +405,10 @@ CAUSES: dict[Cause, KnownCause] = {
 
 
 def cause_title(cause: str) -> str:
-    """A cause as tables and filters show it; one that this version does not know is shown as it is."""
+    """A cause in words for tables and filters; a cause unknown to this version is shown by its name."""
     return CAUSES[Cause(cause)].title if cause in CAUSES else cause.replace("_", " ")
 
 
 def advice_on(cause: str) -> str:
-    """What to try; "" for a cause that this version does not know."""
+    """What to try; "" for a cause unknown to this version."""
     return CAUSES[Cause(cause)].advice if cause in CAUSES else ""
