@@ -29,7 +29,7 @@ WELL_WITHIN = 0.5
 
 
 def out_of_range(case: Case) -> Finding | None:
-    """Finds all starts further from the ground truth than the refiner was trained for; decided by a re-run with them well
+    """Finds all starts further from the ground truth than the refiner was trained for; decided by a re-run from well
     inside that range.
     """
     seen = signs.out_of_range(case.lab.refiner, case.target, case.lab.traits.first_only)

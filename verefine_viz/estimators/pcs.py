@@ -1,8 +1,8 @@
 """Initial poses from congruent point sets (Super4PCS, Mellado 2014), as the system the paper starts from uses them.
 
-Four points of the segment are a base; four points of the model that a rigid motion could lay on it are a match, and
-each match is a pose. Poses are ranked by how many of the model's points then lie on the segment (LCP, the largest common
-point set: counted, not estimated), and thousands of them are reduced to a few that differ. docs/methods.md 3.1 and 3.2.
+Four points of the segment are a base; four points of the model that a rigid motion can lay on it are a match, and
+each match is a pose. Poses are ranked by how many of the model's points lie on the segment (LCP, the largest common
+point set: counted, not estimated). Thousands of them are reduced to a few that differ. docs/methods.md 3.1 and 3.2.
 """
 
 from __future__ import annotations
