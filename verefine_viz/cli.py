@@ -194,7 +194,7 @@ def _with_home(word: str) -> str:
 
 
 def _drop_output() -> None:
-    """Discard what is still buffered, as nobody reads it."""
+    """Discard what is still buffered: its reader has gone."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
