@@ -10,7 +10,7 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-# Open3D reads it when it is imported: in a notebook it would print a banner and start a web server.
+# Open3D reads this variable when it is imported; in a notebook it would print a banner and start a web server.
 os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")
 
 _HOMES = {
@@ -42,7 +42,7 @@ class _Library(ModuleType):
     """This package. ``vv.batch`` and ``vv.report`` are calls; the packages of these names are there by import alone."""
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in _HOMES and isinstance(value, ModuleType)):  # Python sets what was imported.
+        if not (name in _HOMES and isinstance(value, ModuleType)):  # Python sets imported modules.
             super().__setattr__(name, value)
 
 

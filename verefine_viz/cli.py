@@ -49,7 +49,7 @@ DEBUG = "--debug"
 USAGE = 2
 """Exit code for bad usage or input."""
 TIDYING_S = 5.0
-"""How long after a signal to stop others are left out [s]."""
+"""Time after a signal to stop in which further ones are ignored [s]."""
 COMMANDS: dict[str, type[Command]] = {
     "view": ViewCommand,
     "label": LabelCommand,
@@ -70,20 +70,20 @@ COMMANDS: dict[str, type[Command]] = {
 
 
 class Command(Protocol):
-    """What each command's dataclass has."""
+    """A command: a dataclass whose fields are its options."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Do it; the exit code. ``arguments`` are the words it was parsed from."""
+        """Carry out the command and return its exit code; ``arguments`` are the words it was parsed from."""
         ...
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Parse and run; an error that the user can mend becomes one line on stderr and exit code 2."""
+    """Parse and run a command; an error that the user can mend becomes one line on stderr and exit code 2."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # A file's name need not be text.
+        if isinstance(stream, io.TextIOWrapper):  # A file's name need not be valid text.
             stream.reconfigure(errors="backslashreplace")
-    if logging.lastResort is not None:  # What prints warnings where nothing else was set up.
+    if logging.lastResort is not None:  # The handler of warnings where none was set up.
         logging.lastResort.setFormatter(_PlainLines())
     if words == ["--version"]:
         say(f"{PROGRAM} {verefine_viz.__version__}")
@@ -98,7 +98,7 @@ class _PlainLines(logging.Formatter):
 
 
 def _run(words: list[str], with_causes: bool) -> int:
-    """The exit code of a command; what it raises becomes one line, below where it was raised if that is asked for."""
+    """Run a command and return its exit code; an error becomes one line, after its traceback if ``with_causes``."""
     try:
         code = parse(words).run(words[1:])
         sys.stdout.flush()
@@ -108,9 +108,9 @@ def _run(words: list[str], with_causes: bool) -> int:
             say(_with_its_causes(error), sys.stderr)
         return fail(str(error))
     except RuntimeError as error:
-        if str(error).startswith("Symlink loop"):  # Python 3.13 raises none.
+        if str(error).startswith("Symlink loop"):  # Raised before Python 3.13.
             return fail(f"{error}: links that lead to each other lead nowhere")
-        # Numba's, where the package belongs to another user and there is no home to write to.
+        # Numba raises it where the package belongs to another user and there is no home folder to write to.
         if "no locator available" not in str(error):
             raise
         return fail("compiled code cannot be cached anywhere; set NUMBA_CACHE_DIR to a folder that can be written to")
@@ -131,7 +131,7 @@ def _run(words: list[str], with_causes: bool) -> int:
 
 
 def _with_its_causes(error: BaseException) -> str:
-    """Where an error was raised, and all that was raised before it, also what libraries said of a file."""
+    """The traceback of an error with all that led to it, errors of libraries included."""
     one: BaseException | None = error
     while one is not None:
         one.__suppress_context__ = False
@@ -140,7 +140,7 @@ def _with_its_causes(error: BaseException) -> str:
 
 
 class Stopped(KeyboardInterrupt):
-    """The system, or another program, asks this one to end: it ends as after Ctrl-C."""
+    """A signal to end, from the system or another program; handled like Ctrl-C."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -149,7 +149,7 @@ class Stopped(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def stopped_by_signals() -> Iterator[None]:
-    """Ctrl-C, SIGTERM and SIGHUP end what is inside; what is ignored, as by nohup, stays ignored."""
+    """End the block on Ctrl-C, SIGTERM or SIGHUP; signals that are ignored, as under nohup, stay ignored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -159,7 +159,7 @@ def stopped_by_signals() -> Iterator[None]:
     tidying_until = 0.0
 
     def stop(number: int, _: FrameType | None) -> None:
-        # Ctrl-C twice, or a closed terminal: the second must not break into what the first one has to tidy up.
+        # Ctrl-C twice, or a closed terminal: a second signal must not interrupt the tidying up after the first.
         nonlocal tidying_until
         if time.monotonic() < tidying_until:
             return
@@ -178,34 +178,32 @@ def stopped_by_signals() -> Iterator[None]:
 
 
 def _silence_closed_terminal() -> None:
-    """Output that went to a terminal which is gone goes nowhere: writing there would be an error in the middle of
-    tidying up.
-    """
+    """Discard output to a terminal that is closed: writing there would raise an error while tidying up."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for output in (1, 2):
-        # One that is gone is still a device, but no terminal any more.
+        # A closed terminal is still a device, but no longer a terminal.
         if stat.S_ISCHR(os.fstat(output).st_mode) and not os.isatty(output):
             os.dup2(nowhere, output)
     os.close(nowhere)
 
 
 def _with_home(word: str) -> str:
-    """A word with the home folder for "~", which shells leave as it is within quotes and after ``--out=``."""
+    """A word with "~" replaced by the home folder: shells do not replace it in quotes and after ``--out=``."""
     option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
     return f"{option}{equals}{expand_home(value)}" if value == "~" or value.startswith("~/") else word
 
 
 def _drop_output() -> None:
-    """What is still buffered has nowhere to go."""
+    """Discard what is still buffered: its reader has gone."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def parse(words: list[str]) -> Command:
-    """The command that the words ask for; only its own options are built: that is what keeps --help instant.
+    """The command that the words ask for. Only its own options are built, which keeps --help fast.
 
     Raises:
         SettingsError: there is no command, or no section of settings, of that name.
-        SystemExit: help was shown, or what is wrong with the words (exit code 2).
+        SystemExit: help was shown, or an error in the words (exit code 2).
     """
     if words and words[0] in COMMANDS:
         kind, program = COMMANDS[words[0]], f"{PROGRAM} {words[0]}"
@@ -215,7 +213,7 @@ def parse(words: list[str]) -> Command:
     if words and not words[0].startswith("-"):
         raise SettingsError(f"{unknown('command', words[0], COMMANDS)}; see {PROGRAM} --help")
     if HELP_SETTINGS in words:
-        # They are the same for all commands that run a session.
+        # Settings are the same for all commands that run a session.
         show_help(ViewCommand, f"{PROGRAM} view", words)
     names = [Annotated[_named(kind), tyro.conf.subcommand(name)] for name, kind in COMMANDS.items()]
     one_of: Any = Union[tuple(names)]  # noqa: UP007
@@ -224,14 +222,14 @@ def parse(words: list[str]) -> Command:
 
 
 def _named(kind: type[Command]) -> Any:
-    """An empty stand-in for the overview: the command's sentence without its options."""
+    """A command without its options, for the overview: its sentence alone."""
     stand_in = dataclasses.make_dataclass(kind.__name__, [])
     stand_in.__doc__ = kind.__doc__
     return stand_in
 
 
 def fail(text: str) -> int:
-    """One line on stderr; exit code 2."""
+    """Print one line on stderr and return exit code 2."""
     say(f"{PROGRAM}: {one_line(text)}", sys.stderr)
     return USAGE
 

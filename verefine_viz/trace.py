@@ -1,4 +1,4 @@
-"""Writes what a refiner of your own does to a frame, call by call, so that it can be viewed later.
+"""Records what a refiner of your own does to a frame, call by call, to view it later.
 
     with Trace("runs/drop_17", K=K, depth_m=depth_m, rgb=rgb) as trace:
         mug = trace.object("mug", mesh="mug.stl", mask=mask, unit_m=0.001)
@@ -8,8 +8,8 @@
 
 and then ``verefine-viz view runs/drop_17``. Only numpy is imported, and Python 3.8 is enough, so that a copy of this
 file will do where verefine-viz cannot be installed. No call raises once the trace exists: what cannot be written is
-counted and reported at the end. Each call is one line of a file that is only appended to, and is with the operating
-system when the call returns: a process that is killed leaves what it wrote. Read by ``scenes/trace_files.py``.
+counted and reported at the end. Each call appends one line to a file and returns when the operating system has it: a
+process that is killed loses nothing that it wrote. Read by ``scenes/trace_files.py``.
 """
 
 from __future__ import annotations
@@ -41,21 +41,21 @@ CALLS = "calls.jsonl"
 """A JSON object per call; the first line is about the frame."""
 FORMAT = 1
 RIGID_TOLERANCE = 0.05
-"""Largest deviation of RᵀR from the identity in a pose that is written; what reads the trace takes the nearest."""
+"""Largest deviation of RᵀR from the identity in a pose that is written; the reader takes the nearest rotation."""
 LEAST_FOCAL = 0.05
 """Least focal length as a share of the image's width: that of a lens of 168°."""
 FARTHEST_M = 60.0
-"""A median depth, or a pose, further away is in millimetres."""
+"""Largest median depth and distance of a pose [m]; larger ones are probably in millimetres."""
 SHOWN = 3
-"""Problems that are reported in full."""
+"""Most problems that are reported in full."""
 MESH = "a PLY, OBJ, GLB or STL file, a mesh of trimesh, or (vertices, faces[, colours])"
-"""What is taken as a mesh."""
+"""Accepted kinds of a mesh, in words."""
 COPIED = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", ".gif", ".tga", ".tif", ".tiff", ".webp")
 """Files that are copied with the mesh that names them."""
 
 
 def _never_raises(call: Callable[Concatenate[S, P], None]) -> Callable[Concatenate[S, P], None]:
-    """Return the call, in which what goes wrong is counted."""
+    """Return the call, which counts errors instead of raising them."""
 
     def guarded(self: S, *args: P.args, **kwargs: P.kwargs) -> None:
         try:
@@ -71,14 +71,14 @@ class Trace:
     """One frame and what a refiner did in it.
 
     Args:
-        folder: gets the trace; is made. Where it holds one already, the next free name beside it is taken.
+        folder: folder of the trace, which is made. Where it holds a trace, the next free name beside it is used.
         K: (3, 3) intrinsics [px].
         depth_m: (H, W) z [m]; 0, NaN or infinity where nothing was measured.
         rgb: (H, W, 3) uint8, or None.
         gravity_cam: (3,) direction in which things fall, in the camera's frame; None = along the normal of the table.
 
     Raises:
-        ValueError: K, depth_m, rgb or gravity_cam is not what it should be; one line says what was expected.
+        ValueError: K, depth_m, rgb or gravity_cam is invalid; one line says what was expected.
         OSError: the folder cannot be written.
     """
 
@@ -104,7 +104,7 @@ class Trace:
         self._shape = depth.shape
         self._started = time.perf_counter()
         self.folder, self._file = _claimed(Path(folder))
-        """Where the trace is."""
+        """Folder of the trace, and its file of calls."""
         _save(self.folder / "depth.npy", depth)
         if photo is not None:
             _save(self.folder / "rgb.npy", photo)
@@ -132,7 +132,7 @@ class Trace:
         truth: Any = None,
         symmetry_axis: Any = None,
     ) -> TracedObject:
-        """An object of the frame, whose steps are then written through what is returned.
+        """Add an object of the frame; its steps are then recorded through the result.
 
         Args:
             name: the same in all traces of this object.
@@ -200,8 +200,8 @@ class Trace:
         self._append(line)
 
     def problem(self, text: str) -> None:
-        """Counts something that could not be written, and writes that."""
-        text = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))  # As a terminal can show it.
+        """Count something that could not be written, and record that."""
+        text = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))  # Printable on any terminal.
         self.n_problems += 1
         if self._file < 0:
             if not self._has_warned:  # A loop may go on for hours.
@@ -217,7 +217,7 @@ class Trace:
 
     @_never_raises
     def close(self) -> None:
-        """Ends the trace and reports what could not be written; later calls are counted only."""
+        """End the trace and report what could not be written; later calls are only counted."""
         if self._file < 0:
             return
         self._append({"closed": True, "problems": self.n_problems})
@@ -238,11 +238,11 @@ class Trace:
         self.close()
 
     def elapsed_s(self) -> float:
-        """Since the trace began [s]."""
+        """Time since the trace began [s]."""
         return time.perf_counter() - self._started
 
     def write(self, line: dict[str, Any]) -> None:
-        """Appends a line.
+        """Append a line.
 
         Raises:
             ValueError: the trace is closed.
@@ -264,7 +264,7 @@ class TracedObject:
 
     @_never_raises
     def hypothesis(self, h: int, T_cam_obj: Any, score: Any = None, name: str = "") -> None:
-        """Initial pose ``h`` (4, 4) [m] of the object, with its score in the units of its program, and whose it is."""
+        """Record initial pose ``h`` (4, 4) [m], with its score in the units of its program, and its source."""
         line = {"hypothesis": _whole(h), "object": self._number, "T": _pose(T_cam_obj), "name": str(name)}
         self._trace.write(line | self._score(score))
 
@@ -278,7 +278,7 @@ class TracedObject:
         name: str = "refined",
         note: str = "",
     ) -> None:
-        """Where a step took hypothesis ``h``: its new pose (4, 4) [m].
+        """Record a step of hypothesis ``h``, by its new pose (4, 4) [m].
 
         Args:
             h: which hypothesis.
@@ -296,11 +296,11 @@ class TracedObject:
 
     @_never_raises
     def answer(self, T_cam_obj: Any, score: Any = None) -> None:
-        """The pose (4, 4) [m] that the program answers with."""
+        """Record the pose (4, 4) [m] that the program answers with."""
         self._trace.write({"answer": True, "object": self._number, "T": _pose(T_cam_obj), **self._score(score)})
 
     def problem(self, text: str) -> None:
-        """Counts something of this object that could not be written."""
+        """Count something of this object that could not be written."""
         self._trace.problem(f"{self._name}: {text}")
 
     def _score(self, score: Any) -> dict[str, float]:
@@ -313,7 +313,7 @@ class TracedObject:
 
 
 def _array(values: Any) -> np.ndarray:
-    """As numpy has it; tensors of torch are copied from the device."""
+    """A value as an array of numpy; tensors of torch are copied from the device."""
     return np.asarray(values.detach().cpu() if hasattr(values, "detach") else values)
 
 
@@ -335,10 +335,10 @@ def _whole(h: Any) -> int:
 
 
 def _pose(T_cam_obj: Any) -> list[float]:
-    """Row by row.
+    """A pose as a list, row by row.
 
     Raises:
-        ValueError: it is no rigid transform in metres.
+        ValueError: the pose is no rigid transform in metres.
     """
     T = _numbers(T_cam_obj, "the pose", (4, 4))
     if T.shape != (4, 4):
@@ -408,7 +408,7 @@ def _depth(depth_m: Any) -> np.ndarray:
 
 
 def _claimed(folder: Path) -> tuple[Path, int]:
-    """The folder, or the first of folder-2, folder-3, … without a trace, and its file of calls, which is new."""
+    """The folder, or the first of folder-2, folder-3, … without a trace, and its new file of calls."""
     for free in (folder, *(folder.with_name(f"{folder.name}-{k}") for k in range(2, 1000))):
         try:
             free.mkdir(parents=True, exist_ok=True)
@@ -417,7 +417,7 @@ def _claimed(folder: Path) -> tuple[Path, int]:
         except OSError as error:
             raise type(error)(f"{str(free)[:200]!r} cannot be made: {error.strerror}") from None
         if any(os.path.lexists(free / name) for name in ("depth.npy", "rgb.npy")):
-            continue  # Of something else.
+            continue  # The folder is used for something else.
         try:
             return free, os.open(free / CALLS, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o666)
         except FileExistsError:
@@ -432,7 +432,7 @@ def _save(file: Path, values: Any) -> None:
 
 
 def _copy_mesh(mesh: Path, folder: Path) -> list[str]:
-    """Copies a mesh and what it names (materials, textures, buffers); returns what of that cannot be copied."""
+    """Copy a mesh and the files that it names (materials, textures, buffers); return names that cannot be copied."""
     if not mesh.is_file():
         raise OSError(f"{mesh} is no file, expected a PLY, OBJ, GLB or STL file")
     mesh = Path(os.path.abspath(mesh))  # noqa: PTH100 – the name of a link counts.
@@ -451,7 +451,7 @@ def _copy_mesh(mesh: Path, folder: Path) -> list[str]:
                 raise OSError("missing, or of an unknown kind")
             copy = folder / (file.relative_to(mesh.parent) if mesh.parent in file.parents else file.name)
             copy.parent.mkdir(parents=True, exist_ok=True)
-            with file.open("rb") as source, copy.open("xb") as target:  # Another one may have its name.
+            with file.open("rb") as source, copy.open("xb") as target:  # Another file may already have this name.
                 shutil.copyfileobj(source, target)
             copies[file] = copy
             waiting += [(file, other) for other in _named_files(file)]
@@ -461,7 +461,7 @@ def _copy_mesh(mesh: Path, folder: Path) -> list[str]:
 
 
 def _write_mesh(mesh: Any, folder: Path) -> list[str]:
-    """Writes a mesh that is in memory to a PLY file; returns nothing, as no other file belongs to it."""
+    """Write a mesh from memory to a PLY file; return an empty list, as no other file belongs to it."""
     parts = tuple(mesh) if isinstance(mesh, (tuple, list)) else _parts_of(mesh)
     if len(parts) not in (2, 3):
         raise TypeError(f"it is of type {type(mesh).__name__}, expected {MESH}")
@@ -481,7 +481,7 @@ def _write_mesh(mesh: Any, folder: Path) -> list[str]:
 
 
 def _parts_of(mesh: Any) -> tuple[Any, ...]:
-    """Vertices, faces and colours of a mesh as trimesh has it; nothing of anything else."""
+    """Vertices, faces and colours of a mesh of trimesh; empty for any other object."""
     if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
         return ()
     look: Any = getattr(mesh, "visual", None)
@@ -527,7 +527,7 @@ def ply_bytes(vertices: Any, faces: Any, colours: Any = None, texture: Any = Non
 
 
 def _named_files(path: Path) -> list[str]:
-    """Files that a mesh or a material file names, without which it has other colours."""
+    """Names of files in a mesh or a material file, without which colours are lost."""
     kind = path.suffix.lower()
     if kind in (".gltf", ".glb"):
         try:
@@ -535,7 +535,7 @@ def _named_files(path: Path) -> list[str]:
                 header = gltf_header(file)
             uris = [one.get("uri", "data:") for key in ("buffers", "images") for one in header.get(key, [])]
             return [uri for uri in uris if not uri.startswith("data:")]
-        except Exception:  # Damaged, which its reader says.
+        except Exception:  # Damaged, which its reader reports.
             return []
     if kind == ".ply":
         with path.open("rb") as file:
@@ -553,21 +553,21 @@ def _named_files(path: Path) -> list[str]:
 
 
 def lines_that_name(content: bytes, key: bytes) -> list[str]:
-    """What stands behind ``key`` in the lines of a file that begin with it."""
+    """The rest of each line of a file that begins with ``key``."""
     lines = re.findall(rb"^[ \t]*" + key + rb"[ \t]+([^\r\n]*[^\r\n\s])", content, re.MULTILINE | re.IGNORECASE)
     return [line.decode("utf-8", "surrogateescape") for line in lines]
 
 
 def material_files(folders: Sequence[Path], name: str) -> list[str]:
-    """The names of an OBJ's line: one, which may have spaces, or several."""
+    """The names in a line of an OBJ file: one name, which may have spaces, or several."""
     return [name] if file_beside(folders, name) else name.split()
 
 
 def file_beside(folders: Sequence[Path], name: str) -> Path | None:
     """The file that a mesh or material file in one of the folders names.
 
-    Before it may be options, as in ``-clamp on skin.png``; it may be spelled as in a web address, with backslashes or
-    in other case; where a path leads nowhere, as on another machine, a file of its last name counts.
+    The name may follow options, as in ``-clamp on skin.png``, and may be spelled as in a web address, with backslashes
+    or in other case. Where its path does not exist, as on another machine, only its last part is looked for.
     """
     starts = [0, *(space.end() for space in re.finditer(r"\s+", name[:1000]) if name.startswith("-"))]
     names = [one.strip('"').replace("\\", "/") for k in starts for one in (name[k:], unquote(name[k:]))]
@@ -577,7 +577,7 @@ def file_beside(folders: Sequence[Path], name: str) -> Path | None:
                 path = _match_ignoring_case(folder, relative)
                 if path is not None and path.is_file():
                     return Path(os.path.abspath(path))  # noqa: PTH100
-            except (OSError, ValueError):  # No name of a file.
+            except (OSError, ValueError):  # Not a valid file name.
                 continue
     return None
 

@@ -1,4 +1,4 @@
-"""In which orders answers can be listed."""
+"""Orders in which answers can be listed."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ ORDERS: dict[Order, str] = {
     "time": "longest time",
     "undetermined": "least certain turn",
 }
-"""Each with its words."""
+"""Each order as the page calls it."""
 WITHOUT_TRUTH: dict[Order, str] = {**ORDERS, "error": "most doubtful"}
 del WITHOUT_TRUTH["misleading"]
-"""Those that mean something where no error is known."""
+"""The orders that mean something where no error is known, as the page calls them."""
 
 
 def sort_key(order: Order) -> Callable[[Answer], tuple[Any, ...]]:
-    """What to sort rows by.
+    """The key to sort rows by.
 
-    error: failed, without an answer, then by error, the largest first. score: the same with the lowest score first.
-    misleading: wrong answers, the best scored first. cause, object: by name, each by error. frame: as they ran. time:
-    the longest first. undetermined: by ``undetermined_deg``, the largest first. Error is ADD(-S) as a share of the
-    diameter; objects without ground truth follow those with, by score.
+    error: failed frames, objects without an answer, then the largest error first. score: as error, but with the lowest
+    score first. misleading: wrong answers, the highest score first. cause, object: by name, then by error. frame: in
+    the order of the run. time: the longest first. undetermined: the largest ``undetermined_deg`` first. Error is
+    ADD(-S) as a share of the diameter; objects without ground truth follow the others, by score.
 
     Raises:
         SettingsError: there is no such order.

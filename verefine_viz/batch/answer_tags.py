@@ -14,18 +14,18 @@ from verefine_viz.run.record import Answer
 
 TAGS_FILE = "tags.json"
 MOST_LETTERS = 40
-"""Letters of a tag at most."""
+"""Most letters of a tag."""
 
 
 class TagFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What ``tags.json`` holds."""
 
     tags: Mapping[str, tuple[str, ...]] = {}
-    """By answer: :func:`answer_key`."""
+    """Tags by :func:`answer_key`."""
 
 
 def answer_key(row: Answer) -> str:
-    """How an answer is named in the file: ``3/120#2``, that is scene/image#instance."""
+    """The name of an answer in the file: ``3/120#2``, that is scene/image#instance."""
     return f"{row.frame}#{row.instance_id}"
 
 
@@ -40,7 +40,7 @@ def read_tags(folder: Path) -> TagFile:
 
 
 def save_tags(folder: Path, content: TagFile) -> None:
-    """Write the tags of a run, its file as a whole.
+    """Write the tags of a run, in place of all that its file holds.
 
     Raises:
         InputError: it cannot be written.

@@ -1,4 +1,4 @@
-"""What of a batch is on the disk: run files, recordings, and tables that say what the run files say."""
+"""Checks what a batch has on the disk: run files, recordings, and tables that agree with the run files."""
 
 from __future__ import annotations
 
@@ -27,30 +27,30 @@ from verefine_viz.run.record import RunRecord
 
 @dataclass(frozen=True)
 class BatchFiles:
-    """What is there and what is not."""
+    """What a batch folder holds, and what is missing or damaged."""
 
     totals: Totals
-    """Totals of the frames that are finished."""
+    """Totals of the finished frames."""
     missing: tuple[str, ...] = ()
-    """Frames that are not."""
+    """Frames that are not finished."""
     damaged: tuple[str, ...] = ()
-    """Why run files of such frames cannot be used, a sentence each."""
+    """Why run files of missing frames cannot be used, a sentence each."""
     can_be_mended: tuple[str, ...] = ()
-    """Finished frames that another try may do better."""
+    """Finished frames that another try may improve."""
     without_recording: tuple[str, ...] = ()
-    """Finished frames whose recording should be there and is not."""
+    """Finished frames whose recording is missing."""
     n_recorded: int = 0
-    """Finished frames whose recording is there."""
+    """Finished frames that have a recording."""
     n_not_kept: int = 0
-    """Finished frames whose recording is not there, and need not be."""
+    """Finished frames that have no recording, and need none."""
     recorded_bytes: int = 0
-    """Size of the recordings."""
+    """Size of all recordings."""
     other_tables: tuple[str, ...] = ()
-    """Tables that are missing, or are not what the run files say."""
+    """Tables that are missing, or disagree with the run files."""
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What a batch that came to its end has not written, a sentence each."""
+        """What is missing although the batch ran to its end, a sentence each."""
         n = len(self.missing)
         if not n:
             return ()
@@ -74,12 +74,12 @@ class BatchFiles:
 
 
 def check_files(folder: Path, frames: Sequence[str], kept: KeptRecordings) -> BatchFiles:
-    """What of ``frames`` is in the batch folder ``folder``, read once from the first to the last.
+    """Compare a batch folder with the frames of its session; run files are read once, in order.
 
     Args:
-        folder: the batch folder; it need not be there.
-        frames: all of the session.
-        kept: which recordings there should be.
+        folder: the batch folder; it need not exist.
+        frames: all frames of the session.
+        kept: which frames should have a recording.
     """
     with ExitStack() as open_files:
         compared = [ComparedTable(open_files, folder / name) for name in (FRAMES, RESULTS)]
@@ -90,7 +90,7 @@ def check_files(folder: Path, frames: Sequence[str], kept: KeptRecordings) -> Ba
 
 
 def write_tables(folder: Path, frames: Sequence[str], kept: KeptRecordings) -> BatchFiles:
-    """Write all tables of a batch as its run files have them, which are read once; what is there then.
+    """Write all tables of a batch from its run files, which are read once; return what the folder then holds.
 
     Raises:
         InputError: the disk refuses.
@@ -102,7 +102,7 @@ def write_tables(folder: Path, frames: Sequence[str], kept: KeptRecordings) -> B
 
 
 def _read(folder: Path, frames: Sequence[str], kept: KeptRecordings, tables: Sequence[Table]) -> BatchFiles:
-    """What is there of frames, whose records go to tables as well."""
+    """What the folder holds of ``frames``; each finished record is added to the tables on the way."""
     runs, totals = Runs(folder / "runs"), Totals()
     recorded = {file.name: file.stat().st_size for file in (folder / "recordings").glob("*.rrd")}
     n_recorded = n_not_kept = 0

@@ -1,4 +1,4 @@
-"""Recordings drawn from run files afterwards, by worker processes: what a batch did not keep can be had at any time."""
+"""Draws recordings from run files by worker processes, so that those a batch did not keep can be made later."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ class ToDraw:
 
 @dataclass(frozen=True)
 class DrawnRun:
-    """What became of one."""
+    """A run file whose recording was drawn, or why it was not."""
 
     of: ToDraw
     fault: str = ""
-    """Why there is no recording; empty where there is."""
+    """Why there is no recording; empty where there is one."""
 
 
 @dataclass(frozen=True)
 class DrawWork:
-    """See :class:`verefine_viz.batch.worker_tasks.Work`."""
+    """The work of drawing: see :class:`verefine_viz.batch.worker_tasks.Work`."""
 
     def begin(self, progress: ProgressToken) -> Callable[[ToDraw, Callable[[], None]], DrawnRun]:
         from verefine_viz.batch.draw_run_file import RunDrawer
@@ -56,16 +56,16 @@ class DrawWork:
         return DrawnRun(item, f"{item.run}: {why}")
 
     def line_of(self, item: ToDraw) -> None:
-        """One at any time."""
+        """Run files can be drawn in any order."""
 
 
 def to_draw(path: Path) -> tuple[ToDraw, ...]:
-    """What there is to draw: the run file ``path``, or those of a batch folder that have no recording and did not fail.
+    """The run file ``path``, or those in a batch folder whose frame has no recording and did not fail.
 
     Recordings of a batch lie in its ``recordings/``, others beside their run file.
 
     Raises:
-        InputError: it is neither.
+        InputError: ``path`` is neither.
     """
     if not path.is_dir():
         if path.suffix != SUFFIX:
@@ -88,12 +88,12 @@ def to_draw(path: Path) -> tuple[ToDraw, ...]:
 def draw_recordings(
     wanted: Sequence[ToDraw], n_workers: int, report: Callable[[str, int, int], None]
 ) -> Iterator[DrawnRun]:
-    """Draw them; yields each as it is done.
+    """Draw recordings; yields each run file as it is done.
 
     Args:
-        wanted: what to draw.
+        wanted: which ones.
         n_workers: most processes.
-        report: called with what is being done, how many are done, of how many.
+        report: called with what is being made, how many are done, and of how many.
     """
     with closing(Pool(DrawWork(), n_workers)) as pool:
         n_done = 0

@@ -1,4 +1,4 @@
-"""What to report of an item that failed; the traceback of an unforeseen error is saved."""
+"""Reports why an item failed; the traceback of an unforeseen error is saved."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from verefine_viz.core.writing import DISK_FULL, atomic
 
 
 def why_failed(error: Exception, out: Path, stem: str) -> str:
-    """A sentence; where it is no error of ours it names the file of its traceback.
+    """Why an item failed, a sentence; for an error that is not ours it names the file with the traceback.
 
     Args:
         error: what was raised.
@@ -29,11 +29,11 @@ def why_failed(error: Exception, out: Path, stem: str) -> str:
 
 
 def save_traceback(error: Exception, out: Path | None, stem: str) -> str:
-    """Where the traceback is saved below ``out``, for a message; "" where it could not be, or has no place."""
+    """Save the traceback below ``out``; its place as the end of a message, "" where it cannot be saved."""
     if out is None:
         return ""
     log = out / ERRORS / f"{stem}.txt"
-    # On a full disk all goes on the same, just without the traceback.
+    # On a full disk the batch goes on without the traceback.
     with suppress(InputError), atomic(log) as part:
         part.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
     return f" (see {ERRORS}/{log.name})" if log.is_file() else ""

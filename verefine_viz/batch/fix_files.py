@@ -15,12 +15,13 @@ from verefine_viz.core.files import read_json
 from verefine_viz.core.writing import atomic, write_json
 
 FIX_FOLDER = "fix"
-"""Beside runs: batches of remedies that were tried on them."""
+"""Folder beside runs for the batches of remedies that were tried on them."""
 CSV_FILE, FIX_FILE = "fix.csv", "fix.json"
 EVERY_CAUSE = "all"
 """Stands for the cause in the row of a remedy over all of its causes."""
 JudgedBy = Literal["ground truth", "fit"]
-"""fit: without ground truth, by what differs first: physics, score (Eq. 1), how far an answer is undetermined."""
+"""How a change is judged; "fit" is without ground truth, by the first that differs: physics, score (Eq. 1), how far
+an answer is undetermined."""
 
 
 class FixRow(Struct, frozen=True, kw_only=True):
@@ -30,14 +31,14 @@ class FixRow(Struct, frozen=True, kw_only=True):
     """
 
     remedy: str
-    """The setting, and what it becomes; several with ``+`` between them."""
+    """The setting and its new value; several with ``+`` between them."""
     cause: str
-    """Cause of the answers that it was tried on, one of docs/causes.md; ``all``: every cause."""
+    """Cause of the answers that the remedy was tried on, one of docs/causes.md; ``all``: every cause."""
     judged_by: JudgedBy
-    """``ground truth``; ``fit``: without it, by physics, else the score (Eq. 1), else how far the answer is
-    undetermined: then an answer came out better or worse, which need not be right or wrong."""
+    """``ground truth``; or, without it, ``fit``: by physics, else the score (Eq. 1), else how far the answer is
+    undetermined. Answers then fit better or worse, which need not mean right or wrong."""
     tried: int
-    """Answers that were wrong or missing, without ground truth in doubt."""
+    """Answers that were wrong or missing; without ground truth, answers in doubt."""
     came_right: int
     """How many of these are right with the remedy; without ground truth, how many fit better."""
     worse: int
@@ -49,14 +50,14 @@ class FixRow(Struct, frozen=True, kw_only=True):
     right_known: int
     """All answers of the runs that were right."""
     net_gain: float
-    """``came_right`` less ``worse`` and less what the remedy would break of all ``right_known``, at the rate at which
-    it broke those that were tried."""
+    """``came_right`` minus ``worse``, minus what the remedy would break among all ``right_known``, at the rate at which
+    it broke those of ``right_tried``."""
     net_low: float
-    """95 % interval of it, from Wilson's of each share."""
+    """Lower end of the 95 % interval of ``net_gain``, from the Wilson interval of each share."""
     net_high: float
-    """Its upper end."""
+    """Upper end of that interval."""
     seconds_added: float | None = None
-    """Time that the remedy adds to a frame, mean over those that were solved with it [s]."""
+    """Time that the remedy adds to a frame, mean over the frames solved with it [s]."""
 
     @property
     def cause_words(self) -> str:
@@ -72,7 +73,7 @@ class FixAnswer(Struct, frozen=True, kw_only=True):
     remedy: str
     cause: str
     run: str
-    """Name of its batch's folder."""
+    """Name of the folder of the answer's batch."""
     folder: str
     """Folder of the batch with the remedy, below that of the table."""
     frame: str
@@ -93,7 +94,7 @@ class FixTable(Struct, frozen=True):
     seed: int
     every: bool
     together: tuple[str, ...]
-    """Remedies that were tried at once."""
+    """Remedies that were tried all together."""
     rows: tuple[FixRow, ...]
     """Largest net gain first."""
     answers: tuple[FixAnswer, ...]

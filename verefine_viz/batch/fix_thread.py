@@ -1,4 +1,4 @@
-"""Remedies tried beside the page: a thread with workers of its own; what it has is replaced as a whole."""
+"""Tries remedies beside the page, in a thread with workers of its own; its state is replaced as a whole."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from verefine_viz.core.errors import Cancelled, VerefineError
 
 _LOG = logging.getLogger(__name__)
 PAUSE_S = 0.5
-"""Most time until a stop is heard [s]."""
+"""Most time until a stop takes effect [s]."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class FixState:
 
     is_running: bool = False
     done: int = 0
-    """Frames, of ``total``."""
+    """Frames that are done, of ``total``."""
     total: int = 0
     fault: str = ""
-    """Why it ended early."""
+    """Why it ended early; empty where it did not."""
     table: FixTable | None = None
 
 
@@ -55,7 +55,7 @@ class FixThread:
         return self
 
     def stop(self) -> None:
-        """End it; what is solved stays, and the next start goes on from there. Callable from any thread."""
+        """Stop; solved frames stay, and the next start goes on from there. Callable from any thread."""
         self._stopping.set()
         self._thread.join(timeout=20)
 

@@ -17,11 +17,11 @@ from verefine_viz.run.session_parts import weights_of
 
 @dataclass(frozen=True)
 class FrameWork:
-    """See :class:`verefine_viz.batch.worker_tasks.Work`."""
+    """The work of solving frames: see :class:`verefine_viz.batch.worker_tasks.Work`."""
 
     session: Session
     out: Path
-    """Folder of the batch."""
+    """The batch folder."""
     task: TaskName = "solve"
 
     def begin(self, progress: ProgressToken) -> Callable[[str, Callable[[], None]], RunRecord]:
@@ -36,5 +36,5 @@ class FrameWork:
         return failed_run(self.session, weights_of(self.session), item, why)
 
     def line_of(self, item: str) -> Hashable:
-        """The scene, where each frame begins with the answers of those before."""
+        """The scene, where frames begin with the answers of earlier frames; else None."""
         return parse_frame(item)[0] if self.session.method.track else None

@@ -32,28 +32,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BatchIndex:
-    """What ``view DIR`` opens."""
+    """A batch as ``view DIR`` opens it."""
 
     folder: Path
     session: Session
-    """Exactly what ran."""
+    """The session that ran."""
     run: BatchInfo
     """run.json: versions, machine, totals."""
     rows: tuple[Answer, ...]
-    """One per object, by frame."""
+    """One row per object, by frame."""
     notes: tuple[str, ...] = ()
-    """What is missing: frames that are not finished, files that cannot be read."""
+    """What is missing, a sentence each: frames that are not finished, files that cannot be read."""
     motion: Callable[[], tuple[MotionTrack, ...]] | None = None
-    """Works out how objects move, of a run that goes on; None: motion.csv has it, where the frames are a sequence."""
+    """Works out how objects move, while a run goes on; None = read motion.csv, where the frames are a sequence."""
 
     @cached_property
     def tracks(self) -> tuple[MotionTrack, ...]:
-        """The objects over the frames of a sequence; none where they are none.
+        """The objects over the frames of a sequence; empty where the frames are no sequence.
 
         Raises:
             InputError: motion.csv is damaged.
         """
-        from verefine_viz.batch.motion_table import read_tracks  # Most who read a batch need no motion.
+        from verefine_viz.batch.motion_table import read_tracks  # Most users of a batch need no motion.
 
         return read_tracks(self.folder) if self.motion is None else self.motion()
 
@@ -69,7 +69,7 @@ class BatchIndex:
         return tracks_of(motion_rows(records, KnownShapes({})))
 
     def sorted_by(self, order: Order) -> tuple[Answer, ...]:
-        """The rows in one of :data:`ORDERS`; see :func:`sort_key`.
+        """The rows in an order, as :func:`sort_key` explains.
 
         Raises:
             SettingsError: there is no such order.
@@ -100,24 +100,24 @@ def is_batch_folder(path: Path) -> bool:
 
 
 def batch_of(folder: Path) -> Path:
-    """The folder of a batch, where its folder of run files is meant; else ``folder`` itself."""
+    """The batch folder, where ``folder`` is its folder of run files; else ``folder`` itself."""
     is_of_batch = folder.name == "runs" and (folder.parent / RUN_FILE).is_file()
     return folder.parent if is_of_batch else folder
 
 
 def has_finished_frame(path: Path) -> bool:
-    """Whether there is anything to view in the folder of a batch."""
+    """Whether a batch folder holds a finished frame, or is a folder of run files."""
     runs = Runs(path / "runs")
     return any(path.glob(f"*{SUFFIX}")) or next(runs.records(runs.frames), None) is not None
 
 
 @dataclass(frozen=True)
 class RunSelection:
-    """The batch folders that are meant by a folder, by name."""
+    """The batch folders that a folder stands for, by name."""
 
     runs: tuple[Path, ...]
     note: str
-    """Where they are if not in that folder itself, or that there are others further down; else empty."""
+    """Says that they lie in another folder, or that others lie further down; else empty."""
 
 
 def find_runs(folder: Path) -> RunSelection:
@@ -182,7 +182,7 @@ def _runs_below(folder: Path, levels: int) -> dict[Path, tuple[Path, ...]]:
     by_folder = {folder: runs} if runs else {}
     if levels:
         for path in folders:
-            # A link could lead back; remedies that were tried on these runs are none of them.
+            # A link could lead back; runs of remedies that were tried do not count.
             if path not in runs and not path.is_symlink() and not (runs and path.name == FIX_FOLDER):
                 by_folder |= _runs_below(path, levels - 1)
     return by_folder
@@ -221,7 +221,7 @@ def read_batch(folder: Path) -> BatchIndex:
 
 
 def _index_run_files(folder: Path) -> BatchIndex:
-    """The runs of a folder that holds nothing but their files, which may have any names.
+    """The runs of a folder that holds run files only, under any names.
 
     Raises:
         InputError: a file cannot be read, none holds a finished run, or they are runs on different data.

@@ -23,24 +23,25 @@ from verefine_viz.run.session_file import changed, load_session
 
 @dataclass(frozen=True)
 class BatchJob:
-    """One run."""
+    """One run: a session, and the folder that its results go to."""
 
     session: Session
     folder: Path
     group: str
-    """What the runs that differ only in their seeds have in common: method, and session where there are several."""
+    """A name shared by runs that differ in their seeds only: the method, after the session where there are several."""
 
 
 def session_jobs(paths: Sequence[Path | None], out: Path, overrides: Mapping[str, Any]) -> list[BatchJob]:
     """A run for each session: in ``out`` itself for one, in ``out/NAME`` for several.
 
     Args:
-        paths: sessions; None = of ``overrides`` alone, as for a built-in scene.
+        paths: session files; None = a session made of ``overrides`` alone, as for a built-in scene.
         out: folder of the results.
         overrides: settings of the command line.
 
     Raises:
-        VerefineError: a session cannot be used, two would write to the same folder, or ``out`` is among its images.
+        VerefineError: a session cannot be used, two would write to the same folder, or ``out`` lies among a session's
+            images.
     """
     names = _stems(paths, out)
     jobs = [
@@ -63,9 +64,9 @@ def sweep_jobs(
     Args:
         paths: session files.
         out: the folder of all runs.
-        overrides: settings for all of them.
+        overrides: settings of the command line, for all sessions.
         methods: names; none = each session's own.
-        n_seeds: of initial poses and of the method, from 0; None = each session's own.
+        n_seeds: how many seeds, from 0, of initial poses and method alike; None = each session's own seed.
 
     Raises:
         VerefineError: a session cannot be used, a name is unknown or comes twice, ``out`` holds a run itself, or lies
@@ -92,17 +93,17 @@ def _session(path: Path | None, overrides: Mapping[str, Any]) -> Session:
 
 
 def check_jobs(jobs: Sequence[BatchJob]) -> int:
-    """Checks everything that can be wrong: a mistake in the last of many runs should not show after hours.
+    """Check all sessions and folders first, so that a mistake in the last of many runs does not show after hours.
 
     Returns:
-        How many frames they have in all.
+        How many frames all runs have together.
 
     Raises:
         VerefineError: a session cannot be used, or a folder holds another run.
     """
     n_frames: dict[str, int] = {}
     for job in jobs:
-        # Seeds change nothing that could be wrong.
+        # Runs of a group differ in their seeds only, which cannot be wrong.
         if job.group not in n_frames:
             n_frames[job.group] = len(check(job.session)[0])
         if (job.folder / SESSION_FILE).exists():
@@ -112,9 +113,10 @@ def check_jobs(jobs: Sequence[BatchJob]) -> int:
 
 
 def check_outside(out: Path, session: Session) -> None:
-    """
+    """Refuse results in the data set's split, where other programs look for scenes and images.
+
     Raises:
-        SettingsError: ``out`` lies in the split that the session reads, where others look for scenes and images.
+        SettingsError: ``out`` lies in the split that the session reads.
     """
     if session.scene.source != "bop" or Path(session.scene.split).name != session.scene.split:
         return

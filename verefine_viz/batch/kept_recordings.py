@@ -13,7 +13,7 @@ from verefine_viz.run.record import RunEnd
 
 Keep = Literal["sample", "all", "failures", "none"]
 SAMPLE = 200
-"""Frames that a batch records whatever comes of them, or about as many of a larger one."""
+"""Frames that a batch records whatever their answers; of a larger batch about as many."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class KeptRecordings:
         return KeptRecordings(session.recording.keep, n_frames, session.scene.seed)
 
     def always(self, frame: str) -> bool:
-        """Whether a frame is recorded whatever comes of it."""
+        """Whether a frame is recorded whatever its answers."""
         if self.keep == "sample" and self.n_frames > SAMPLE:
             drawn = blake2b(f"{self.seed} {frame}".encode(), digest_size=8).digest()
             return int.from_bytes(drawn, "big") * self.n_frames < SAMPLE * 2**64

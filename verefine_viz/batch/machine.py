@@ -29,7 +29,7 @@ def machine() -> dict[str, str | int]:
 
 
 def resident_bytes(pid: int) -> int | None:
-    """What a process holds now; None where the system does not say."""
+    """Memory that a process holds now [bytes]; None where the system does not say."""
     try:
         pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
     except (OSError, ValueError, IndexError):
@@ -38,7 +38,7 @@ def resident_bytes(pid: int) -> int | None:
 
 
 def peak_bytes(pid: int) -> int | None:
-    """The most that a process has held so far; None where the system does not say."""
+    """Most memory that a process has held so far [bytes]; None where the system does not say."""
     try:
         lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
@@ -48,24 +48,24 @@ def peak_bytes(pid: int) -> int | None:
 
 
 def own_peak_bytes() -> int:
-    """The most that this process has held so far."""
+    """Most memory that this process has held so far [bytes]."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024
 
 
 def machine_bytes() -> int:
-    """The machine's memory, or what this process's container may take of it."""
+    """Memory of the machine, or the limit of this process's container where that is lower [bytes]."""
     total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     for file in CGROUP_LIMITS:
         try:
             total = min(total, int(file.read_text(encoding="ascii")))
         except (OSError, ValueError):
-            continue  # Not there, or "max".
+            continue  # The file does not exist, or says "max".
     return total
 
 
 def gigabytes(n_bytes: float) -> str:
-    """``1.3 GB``."""
+    """A number of bytes as text: ``1.3 GB``."""
     return f"{n_bytes / 1e9:.1f} GB" if n_bytes >= 1e9 else f"{n_bytes / 1e6:.0f} MB"
 
 

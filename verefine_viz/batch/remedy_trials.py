@@ -24,7 +24,7 @@ from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import AT_ITS_START, WITH_ITS_DATA, changed
 
 TOGETHER = " + "
-"""Between the names of remedies that are tried together."""
+"""Separator between the names of remedies that are tried together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +37,11 @@ class KnownAnswer:
     is_bad: bool
     """Wrong or missing; without ground truth, in doubt."""
     cause: str
-    """"" of a good answer, and where it is not known."""
+    """Cause of the failure; "" for a good answer, and where it is unknown."""
 
     @property
     def remedies(self) -> tuple[Remedy, ...]:
-        """Those of its cause, as the numbers of its finding have them."""
+        """The remedies of the answer's cause, with the numbers of its finding put in."""
         known = CAUSES[Cause(self.cause)].remedies if self.cause in CAUSES else ()
         numbers = self.row.findings[0].numbers if self.row.findings else {}
         return tuple(remedy.for_finding(numbers) for remedy in known)
@@ -77,11 +77,11 @@ class Trial:
 
     remedies: tuple[Remedy, ...]
     bad: tuple[KnownAnswer, ...]
-    """The answers that it is meant for."""
+    """The answers that the remedy is meant for."""
     good: tuple[KnownAnswer, ...]
-    """All answers that it could break: those of its runs."""
+    """All good answers of its runs, which the remedy could break."""
     jobs: Mapping[str, BatchJob]
-    """By run: its frames with these answers, and with a sample of the good ones."""
+    """A batch for each run: of the frames with bad answers, and of frames with a sample of the good ones."""
 
     @property
     def name(self) -> str:

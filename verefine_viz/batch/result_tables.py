@@ -26,7 +26,7 @@ ROWS_AT_ONCE = 20_000
 
 
 class Table(Protocol):
-    """What takes the records of a batch, one after the other."""
+    """A table that takes the records of a batch one after the other."""
 
     def add(self, record: RunRecord) -> None:
         """Take a finished frame."""
@@ -43,7 +43,7 @@ def lines_of(name: str, record: RunRecord) -> str:
 
 
 class ComparedTable:
-    """A CSV table that is read on as long as it is what it should be."""
+    """A CSV table on the disk that is compared with what it should hold, up to the first difference."""
 
     def __init__(self, open_files: ExitStack, path: Path) -> None:
         self.name = path.name
@@ -63,7 +63,7 @@ class ComparedTable:
             self._file = None
 
     def is_as_expected(self) -> bool:
-        """Whether it held all that was expected, and nothing more."""
+        """Whether the file holds all that was expected, and nothing more."""
         return self._file is not None and not self._file.read(1)
 
 

@@ -64,17 +64,17 @@ class Workers(Protocol):
         ...
 
     def close(self) -> None:
-        """Ends the work, also in the middle of a frame."""
+        """End the work, also in the middle of a frame."""
         ...
 
     @property
     def needs(self) -> str:
-        """What memory they need, in words; empty while unknown."""
+        """Memory that the workers need, in words; empty while unknown."""
         ...
 
     @property
     def warning(self) -> str:
-        """What to change about their number or memory, in words; empty where all is well."""
+        """Advice on the number of workers or their memory; empty where nothing is wrong."""
         ...
 
 
@@ -114,14 +114,14 @@ class Backend:
 
 @dataclass(frozen=True)
 class BatchStatus:
-    """How far a batch is."""
+    """Progress of a batch."""
 
     counts: BatchCounts
-    """With the frames that an earlier start finished."""
+    """Counts, with the frames that an earlier start finished."""
     n_frames: int
     warning: str = ""
     doing: str = ""
-    """What takes longer than usual, or is worth knowing, in words, where it begins."""
+    """What begins to take longer than usual, or is worth knowing, in words; empty for most frames."""
 
 
 @dataclass(frozen=True)
@@ -136,11 +136,11 @@ class BatchOutcome:
     n_resumed: int
     seconds: float
     memory: str
-    """What it took, in words."""
+    """Memory that workers and parent took, in words."""
     was_finished: bool = False
-    """Nothing was left to do, and nothing was written."""
+    """Whether nothing was left to do, so that nothing was written."""
     faults: tuple[str, ...] = ()
-    """What is not on the disk although the batch came to its end, a sentence each."""
+    """What is missing on the disk although the batch ran to its end, a sentence each."""
     notes: tuple[str, ...] = ()
     """What else to know about the files: tables that were written again, recordings that are gone."""
 
@@ -302,7 +302,7 @@ class _Batch:
         self.counts.add(record.end)
 
     def _objects_in(self, frame: str, why: str) -> Sequence[LeftOut]:
-        """What a failed frame would have held."""
+        """The objects of a failed frame, as far as its source knows them."""
         with suppress(VerefineError):
             return self._source.all_left_out(frame, why)
         return ()
@@ -326,7 +326,7 @@ class _Batch:
         return self.task != "estimate" and is_sequence(self.session, self._source)
 
     def _write_end(self, status: str, spent_s: float) -> BatchFiles:
-        """Writes tables and run.json; what is on the disk then."""
+        """Write tables and run.json; return what the folder then holds."""
         self.folder.save_session()  # The folder may have been deleted while the batch ran.
         files = write_tables(self.folder.path, self.frames, self._kept)
         if self._is_sequence:
@@ -368,7 +368,7 @@ class _Batch:
 
 
 def _after(frames: Collection[str], all_frames: Sequence[str]) -> set[str]:
-    """The frames of the same scenes that come after some; they began with other answers than these will have now."""
+    """The frames that come after ``frames`` in their scenes: they began with answers that will now be others."""
     scenes, after = set[int](), set[str]()
     for frame in sorted(all_frames, key=parse_frame):
         scene = parse_frame(frame)[0]
@@ -380,7 +380,7 @@ def _after(frames: Collection[str], all_frames: Sequence[str]) -> set[str]:
 
 
 def _sampled_note(files: BatchFiles, folder: Path) -> str:
-    """How much room it saves that not every frame is recorded, and how to have the others."""
+    """A note on the disk space that is saved as not every frame is recorded, and how to get the other recordings."""
     each_bytes = files.recorded_bytes / max(files.n_recorded, 1)
     saves = f", which saves about {gigabytes(int(each_bytes * files.n_not_kept))}" if files.n_recorded else ""
     return (
@@ -390,7 +390,7 @@ def _sampled_note(files: BatchFiles, folder: Path) -> str:
 
 
 def _damaged_entries(files: BatchFiles) -> tuple[str, ...]:
-    """A note about run files that cannot be used; none where there are none."""
+    """Notes about run files that cannot be used."""
     n = len(files.damaged)
     if not n:
         return ()

@@ -1,7 +1,7 @@
 """The runs of a batch: a run file per frame, so that neither a kill nor the number of frames matters.
 
-Results live on the disk and not in memory; to use them all, read them one after the other. Beside them ``run.json``:
-which version and machine made a batch, how far it came, and what it came to.
+Results live on the disk and not in memory; to use them all, read them one after the other. Beside them ``run.json``
+says which version and machine made a batch, how far it got, and its totals.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ class Runs:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames that have a file, by their numbers; files of other names are none of the batch's."""
+        """The frames that have a file, by their numbers; files of other names are not the batch's."""
         stems = (re.fullmatch(r"(\d+)_(\d+)", path.stem) for path in self.folder.glob(f"*{SUFFIX}"))
         return tuple(map(frame_name, sorted((int(stem[1]), int(stem[2])) for stem in stems if stem)))
 
     def save(self, session: Session, record: RunRecord) -> None:
-        """Write a finished record that has no iterations, as that of a frame which failed.
+        """Write a finished record that has no iterations, such as that of a frame that failed.
 
         Raises:
             InputError: the disk refuses.
@@ -52,11 +52,11 @@ class Runs:
             file.finish(record.end)
 
     def forget(self, frame: str) -> None:
-        """Has a restart solve a frame again."""
+        """Delete the run file of a frame, so that a restart solves the frame again."""
         self.path(frame).unlink(missing_ok=True)
 
     def entry(self, frame: str) -> RunRecord | None:
-        """The record of a finished frame, without its iterations; None where it is not finished.
+        """The record of a finished frame, without its iterations; None where the frame is not finished.
 
         Raises:
             InputError: its file is damaged; the text says how.
@@ -72,7 +72,7 @@ class Runs:
         return None if record.end is None or not record.end.answers else record
 
     def read(self, frame: str) -> RunRecord | None:
-        """The record of a finished frame; None where it is not finished, or its file is damaged."""
+        """The record of a finished frame; None where the frame is not finished, or its file is damaged."""
         with suppress(InputError):
             return self.entry(frame)
         return None
@@ -97,14 +97,14 @@ Positive = Annotated[float, Meta(ge=0, le=1e300)]
 
 
 class RunTotals(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What the frames came to. None = unknown: the batch runs, or was killed."""
+    """Totals of a batch's frames. None = unknown: the batch is running, or was killed."""
 
     frames: Number | None = None
     """Number of frames of the session."""
     frames_done: Number | None = None
     frames_failed: Number | None = None
     objects: Number | None = None
-    """All that are known of, also those of failed frames."""
+    """All known objects, those of failed frames included."""
     answers_with_truth: Number | None = None
     objects_without_answer: Number | None = None
     objects_left_out: Number | None = None
@@ -138,7 +138,7 @@ class BatchInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     workers: Number | None = None
     cluster: str = ""
     memory: str = ""
-    """What it took, in words."""
+    """Memory that workers and parent took, in words."""
     machine: dict[str, str | int] = {}
     packages: dict[str, str] = {}
     weights: dict[str, str] = {}

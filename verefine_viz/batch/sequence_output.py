@@ -1,4 +1,4 @@
-"""What a batch over a sequence writes beside its tables: motion.csv, and sequence.rrd with the answers in 3D."""
+"""Writes what a batch over a sequence has beside its tables: motion.csv, and sequence.rrd with the answers in 3D."""
 
 from __future__ import annotations
 
@@ -33,24 +33,24 @@ if TYPE_CHECKING:  # Rerun takes a second to load.
 
 
 def is_sequence(session: Session, source: SceneSource) -> bool:
-    """Whether the frames of a scene are in order, as of a video."""
+    """Whether the frames of a scene are in order, as in a video."""
     scene = session.scene
     return scene.sequence or session.method.track or (scene.source == "folder" and source.is_sequence)
 
 
 @dataclass
 class SequenceOutput:
-    """Writes it."""
+    """Writes motion.csv and sequence.rrd of a batch."""
 
     folder: Path
-    """Folder of the batch."""
+    """The batch folder."""
     source: SceneSource
-    """Where its problems come from."""
+    """Makes the problems of its frames."""
     _models: dict[int, ObjectModel | None] = field(default_factory=dict)
     _turns: dict[int, Float] = field(default_factory=dict)
 
     def write_table(self, frames: Sequence[str]) -> None:
-        """motion.csv of the frames that are finished.
+        """Write motion.csv of the finished frames.
 
         Raises:
             InputError: the disk refuses.
@@ -59,7 +59,7 @@ class SequenceOutput:
         write_motion(self.folder / MOTION, motion_rows(records, self))
 
     def write_recording(self, title: str) -> None:
-        """sequence.rrd, as motion.csv and the run files have it.
+        """Write sequence.rrd from motion.csv and the run files.
 
         Raises:
             InputError: the disk refuses.

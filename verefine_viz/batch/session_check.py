@@ -1,4 +1,4 @@
-"""Whether a session can run over its frames: all that can be wrong is said before the first frame."""
+"""Checks whether a session can run over its frames, so that a mistake shows before the first frame."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from verefine_viz.scenes.models import ModelLibrary
 
 
 def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Checks everything in a session that can be wrong.
+    """Check everything in a session that can be wrong.
 
     Returns:
         Its frames, and notes about the choice of frames and about the initial poses.
@@ -35,7 +35,7 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     notes = (*toolbox.notes, *toolbox.source.check_initial_poses())
     check_orders(session, frames)
     check_names(session)
-    _ = toolbox.method  # With its refiner and its verifier.
+    _ = toolbox.method  # The method with its refiner and verifier.
     if session.physics.support == "mesh":
         environment_mesh(session.physics)
     if session.physics.collider_folder:
@@ -46,7 +46,7 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def check_orders(session: Session, frames: Sequence[str]) -> None:
-    """Checks the order of objects that ``session`` gives for all frames, or that its order file gives for ``frames``.
+    """Check the order of objects that ``session`` gives for all frames, or that its order file gives for ``frames``.
 
     Which objects and instances are in a frame is known when it is read; what does not fit it is noted then.
 

@@ -1,4 +1,4 @@
-"""Solving one frame: the one code path behind every kind of batch."""
+"""Solves one frame: the one code path behind every kind of batch."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class FrameTask(Protocol):
     def __call__(
         self, toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[], None] = lambda: None, /
     ) -> RunRecord:
-        """Do it.
+        """Solve a frame.
 
         Args:
             toolbox: the session's tools.
@@ -50,13 +50,13 @@ class FrameTask(Protocol):
             compiling: called whenever a kernel is about to be compiled.
 
         Returns:
-            The record without its iterations. That of a frame that fails is not yet on the disk.
+            The record without its iterations. The record of a frame that failed is not yet on the disk.
         """
         ...
 
 
 def solve_frame(toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[], None] = lambda: None) -> RunRecord:
-    """Runs the session's method on one frame and records it below ``out``."""
+    """Run the session's method on one frame and record it below ``out``."""
     return _result(partial(_solved, toolbox, frame, out, False), toolbox, frame, out, compiling)
 
 
@@ -66,7 +66,7 @@ def explain_frame(toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[
 
 
 def estimate_frame(toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[], None] = lambda: None) -> RunRecord:
-    """Initial poses only: all hypotheses of a frame as estimates, with the estimator's confidence as their score."""
+    """Report all hypotheses of a frame as estimates, their confidence as score, without running a method."""
     return _result(partial(_estimated, toolbox, frame, out), toolbox, frame, out, compiling)
 
 
@@ -77,7 +77,7 @@ TASKS: dict[TaskName, FrameTask] = {"solve": solve_frame, "explain": explain_fra
 def _result(
     solve: Callable[[_Stopwatch], RunRecord], toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[], None]
 ) -> RunRecord:
-    """What ``solve`` returns, or why it failed."""
+    """The record that ``solve`` returns, or one that says why it failed."""
     watch = _Stopwatch()
     try:
         with compiling_reported(compiling, partial(watch, "compile")):
@@ -87,19 +87,19 @@ def _result(
 
 
 def with_causes(end: RunEnd, run: Run, toolbox: Toolbox, out: Path | None = None) -> RunEnd:
-    """``end`` with findings in the answers that are wrong and have ground truth.
+    """``end`` with the causes of its wrong answers as findings, where ground truth is known.
 
-    Where the data of such a frame do not fit together, these have the doubts as well. Where the diagnosis fails, a
-    finding without a cause says so, and its traceback is saved below ``out``.
+    Where the data of the frame do not fit together, wrong answers get the doubts as well. Where the diagnosis fails, a
+    finding without a cause says so, and the traceback is saved below ``out``.
     """
     doubts = end.doubts
     try:
         diagnoses = diagnose(run, toolbox)
         findings: dict[int | None, tuple[Finding, ...]] = {d.instance_id: d.findings for d in diagnoses}
-        # Each has all of the frame's.
+        # Each diagnosis has all doubts of the frame.
         doubts = of_wrong = diagnoses[0].doubts if diagnoses else doubts
     except Exception as error:
-        # The answers are there all the same.
+        # The answers are good without a diagnosis.
         known, stem = isinstance(error, VerefineError), file_stem(run.problem.frame)
         why = str(error) if known else f"an error of the program{save_traceback(error, out, stem)}"
         why = f"no diagnosis: {why}"
@@ -173,10 +173,10 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
 
 
 def end_again(run: Run, recorded: RunRecord) -> RunEnd:
-    """The end of a run that is over, worked out as that of a record of it was: with grasps and causes where it has any.
+    """The end of a finished run, worked out again: with grasps and causes where ``recorded``, its record, has any.
 
     Raises:
-        VerefineError: what works it out cannot be made here.
+        VerefineError: a part that is needed for it cannot be made here.
     """
     session, problem = session_of(recorded.header), run.problem
     answers = () if recorded.end is None else recorded.end.answers
@@ -191,7 +191,7 @@ def end_again(run: Run, recorded: RunRecord) -> RunEnd:
 
 
 def _answers(runs: Runs, frame: str) -> tuple[EarlierPose, ...] | None:
-    """What a finished frame answered; None where it is not finished."""
+    """The poses that a finished frame answered with; None where the frame is not finished."""
     record = runs.read(frame)
     if record is None or record.end is None:
         return None
@@ -203,7 +203,7 @@ def _answers(runs: Runs, frame: str) -> tuple[EarlierPose, ...] | None:
 
 
 class _Stopwatch:
-    """Milliseconds by stage; a stage within another takes its time from it."""
+    """Milliseconds by stage; the time of a stage inside another counts for the inner one only."""
 
     def __init__(self) -> None:
         self.stages_ms: dict[str, float] = {}

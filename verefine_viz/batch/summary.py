@@ -1,4 +1,4 @@
-"""From a finished run to its answers."""
+"""Makes the answers of a finished run: the rows of its tables."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def run_end(
     grasps: AnswerGrasps | None = None,
     surfaces: Surfaces | None = None,
 ) -> RunEnd:
-    """How a finished run of ``session`` ended.
+    """The end of a finished run of ``session``: its answers and notes.
 
     Args:
         run: finished.
@@ -95,7 +95,7 @@ def run_end(
 
 
 def with_findings(row: Answer, findings: Sequence[Finding], doubts: tuple[str, ...] = ()) -> Answer:
-    """The answer with why it is wrong. The main finding is to be looked at in the iteration that did most harm."""
+    """The answer with findings on why it is wrong; the main one points to the iteration that did most harm."""
     main, *others = findings
     at = main.iteration if row.worst_iteration is None else row.worst_iteration
     return structs.replace(row, findings=(structs.replace(main, iteration=at), *others), doubts=doubts)
@@ -109,7 +109,7 @@ def _with_grasp(row: Answer, grasps: AnswerGrasps) -> Answer:
 
 
 def _no_physics(problem: Problem, session: Session) -> str:
-    """Why objects were not simulated although they should have been; empty where they were."""
+    """Says why objects were not simulated although the session asks for it; empty where they were."""
     observation = problem.observation
     no_physics = session.physics.enabled and observation.support is None
     return f"no physics: {observation.support_note}" if no_physics else ""
@@ -180,7 +180,7 @@ def object_facts(problem: Problem, target: Target, method: str) -> dict[str, Any
 
 
 def missing_depth(target: Target) -> float | None:
-    """Share of an object's mask without depth; None of an empty mask."""
+    """Share of an object's mask without depth; None where the mask is empty."""
     depth_m = target.observation.depth_m[target.instance.mask]
     return float((depth_m == 0).mean()) if depth_m.size else None
 
@@ -229,7 +229,7 @@ def answer_errors(target: Target, T_est: Float, observation: Observation) -> dic
 
 
 def _right_by_add_s_only(target: Target, best: Best) -> str:
-    """That an answer counts as right though it is not near any pose that looks the same; empty where that is not so."""
+    """Says that an answer counts as right though it is near no pose that looks the same; empty where it is near one."""
     add = add_where_add_s_is_below(target, best.T_cam_obj, CORRECT)
     return "" if add is None else f"right by ADD-S only: ADD over the declared symmetries is {add:.0%} of the diameter"
 

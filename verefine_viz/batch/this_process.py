@@ -10,7 +10,7 @@ from verefine_viz.run.record import RunRecord
 
 
 class ThisProcess:
-    """See :class:`verefine_viz.batch.run_batch.Workers`."""
+    """Workers in this process: see :class:`verefine_viz.batch.run_batch.Workers`."""
 
     needs = warning = ""
 
@@ -24,4 +24,4 @@ class ThisProcess:
             yield solve(frame, lambda: None)
 
     def close(self) -> None:
-        """Nothing is left running."""
+        """Do nothing: there is no process to end."""

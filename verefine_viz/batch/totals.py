@@ -1,4 +1,4 @@
-"""What a batch came to: counts while it runs, medians when it is over."""
+"""Totals of a batch's results: counts while it runs, medians at its end."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from verefine_viz.run.record import DATA_FIRST, Answer, RunEnd, RunRecord
 MOST_REASONS = 2
 """Reasons for doubt that are named; frames with others are counted."""
 MOST_FAILURES = 10
-"""Failed frames whose reason is quoted."""
+"""Failed frames whose reason is quoted; the others are counted."""
 MOST_NOTES = 20
-"""Different notes that are shown."""
+"""Different notes that are counted and shown."""
 _NUMBER = re.compile(r" \(#\d+\)| \(\d+ of \d+, RᵀR [^)]*\)$|(?<= has no ground truth): .*$")
-"""The number behind an object's name: it differs between frames, and is left out where frames are counted."""
+"""Parts of a note that differ between frames, such as the number behind an object's name; ignored in counting."""
 
 
 @dataclass
@@ -30,32 +30,32 @@ class Reason:
     first: str
     """The first of these frames."""
     why: str
-    """As reported of that frame."""
+    """The reason, as reported for that frame."""
     n_frames: int = 0
 
     def describe(self) -> str:
-        """``In 3, such as 50/1, objects appear 11% larger: check cam_K.``"""
+        """Return "In 3, such as 50/1, objects appear 11% larger: check cam_K."."""
         where = f"frame {self.first}" if self.n_frames == 1 else f"{self.n_frames}, such as {self.first}"
         return f"In {where}, {self.why}."
 
 
 class Doubts:
-    """What is in doubt in many frames. Its memory grows with the reasons, not with the frames.
+    """Doubts about the data of many frames, counted by reason: memory grows with the reasons, not with the frames.
 
-    Two reasons that differ in their numbers only are the same.
+    Reasons that differ in their numbers only count as one.
     """
 
     def __init__(self) -> None:
         self._reasons: dict[str, Reason] = {}
 
     def add(self, frame: str, why: str) -> None:
-        """Takes a frame whose data are in doubt; ``frame`` is its name in the text."""
+        """Count a frame whose data are in doubt; ``frame`` is its name in the text."""
         why = why.removesuffix(".")
         reason = self._reasons.setdefault(re.sub(r"\d+(\.\d+)?", "#", why), Reason(frame, why))
         reason.n_frames += 1
 
     def describe(self, n_frames: int, n_runs: int = 1) -> str:
-        """In how many of ``n_frames`` frames, of all runs together, and why, most frequent first; empty: in none."""
+        """Say how many of the ``n_frames`` frames of all runs are in doubt and why, most frequent first; "" = none."""
         reasons = sorted(self._reasons.values(), key=lambda reason: -reason.n_frames)
         if not reasons:
             return ""
@@ -75,10 +75,10 @@ class Doubts:
 
 
 def describe_doubts(runs: Sequence[tuple[str, Iterable[Answer]]]) -> str:
-    """:meth:`Doubts.describe` of the rows of one or several (run, rows); of several a frame is named with its run."""
+    """:meth:`Doubts.describe` for the rows of runs, (name, rows) each; of several runs, a frame names its own."""
     doubts, n_frames = Doubts(), 0
     for run, rows in runs:
-        # All objects of a frame have the same doubts, or none where the answer is right.
+        # Objects of a frame have the same doubts, or none where their answer is right.
         by_frame: dict[str, str] = {}
         for row in rows:
             by_frame[row.frame] = by_frame.get(row.frame, "") or "".join(row.doubts[:1])
@@ -90,10 +90,10 @@ def describe_doubts(runs: Sequence[tuple[str, Iterable[Answer]]]) -> str:
 
 
 class Notes:
-    """Counts in how many frames, or runs, something is noted: the first ``most`` different notes.
+    """Counts in how many frames, or runs, each note appears; only the first ``most`` different notes are kept.
 
-    A note of an object is the same whatever its number in a frame, one of rounded rotations whatever their number, and
-    one of ground truth that cannot be used whatever is wrong with it.
+    Notes count as one if they differ only in the number of an object in its frame, in how many rotations are rounded,
+    or in what is wrong with ground truth that cannot be used.
     """
 
     def __init__(self, most: int = MOST_NOTES) -> None:
@@ -102,7 +102,7 @@ class Notes:
         self._shown: dict[str, str] = {}
 
     def add(self, notes: Iterable[str]) -> None:
-        """Takes those of one frame or run."""
+        """Count the notes of one frame or run."""
         by_kind: dict[str, str] = {}
         for note in notes:
             kind = _NUMBER.sub("", note)
@@ -114,23 +114,23 @@ class Notes:
             self._shown[kind] = note if self._shown.get(kind, note) == note else kind
 
     def counted(self) -> dict[str, int]:
-        """The notes and how often each came; the number of an object stays where it is always the same."""
+        """How often each note appeared, most frequent first; an object's number is left out where it differs."""
         return {self._shown[kind]: n for kind, n in self._often.most_common()}
 
 
 @dataclass
 class BatchCounts:
-    """Counts that grow frame by frame. They stay small however many frames there are."""
+    """Counts of frames and objects, updated with each frame."""
 
     frames_done: int = 0
     frames_failed: int = 0
     objects: int = 0
-    """All known objects, also those of failed frames."""
+    """All known objects, those of failed frames included."""
     answers_with_truth: int = 0
     objects_without_answer: int = 0
-    """Without a hypothesis."""
+    """Objects without a hypothesis."""
     objects_left_out: int = 0
-    """Without a mask or a model that can be used, or not detected."""
+    """Objects without a usable mask or model, or not detected."""
     objects_unreadable: int = 0
     """Left-out objects whose mask or model is missing or damaged."""
     objects_in_failed_frames: int = 0
@@ -138,7 +138,7 @@ class BatchCounts:
     objects_correct: int = 0
 
     def add(self, end: RunEnd) -> None:
-        """Takes a finished frame."""
+        """Count a finished frame."""
         self.frames_done += 1
         self.frames_failed += end.failed
         self.objects_unreadable += end.n_unreadable
@@ -161,11 +161,11 @@ class BatchCounts:
 
 @dataclass
 class Totals:
-    """Everything in run.json about the results; takes one frame after the other."""
+    """Everything in run.json about the results, added up frame by frame."""
 
     counts: BatchCounts = field(default_factory=BatchCounts)
     failures: list[tuple[str, str]] = field(default_factory=list)
-    """Frame and reason of the first failed ones."""
+    """Frame and reason of the first frames that failed."""
     doubts: Doubts = field(default_factory=Doubts)
     """Doubts about the frames' data."""
     notes: Notes = field(default_factory=Notes)
@@ -176,7 +176,7 @@ class Totals:
     _causes: Counter[str] = field(default_factory=Counter)
 
     def passing(self, records: Iterable[RunRecord]) -> Iterator[RunRecord]:
-        """Finished records as they come; each is counted on its way."""
+        """Yield the records as they come; finished ones are counted on the way."""
         for record in records:
             if record.end is not None:
                 self._add(record.header.frame, record.end)
@@ -202,7 +202,7 @@ class Totals:
                     self._errors_mm.append(row.add_s_mm)
 
     def as_json(self, n_frames: int) -> dict[str, Any]:
-        """The entry ``totals`` of run.json, see :class:`verefine_viz.batch.runs.RunTotals`."""
+        """The entry ``totals`` of run.json: :class:`verefine_viz.batch.runs.RunTotals`."""
         counts, n_solved = self.counts, self.counts.frames_done - self.counts.frames_failed
         return {
             "frames": n_frames,

@@ -41,9 +41,9 @@ _LOG = logging.getLogger(__name__)
 POLL_S = 1.0
 """Time between two looks into the folder [s]."""
 TRIES = 3
-"""How often a frame is solved that fails, or in which a file cannot be read: it may still be being written."""
+"""How often a frame is tried that fails, or has a file that cannot be read, as it may still be being written."""
 RETRY_S = 3.0
-"""Time between two of them [s]."""
+"""Time between two tries [s]."""
 LOCK = ".watch.lock"
 
 
@@ -55,9 +55,9 @@ class WatchedDataset:
     """Folder of the run."""
     session: Session
     frames: tuple[str, ...] = ()
-    """Frames that are there, in the order in which they came."""
+    """Frames of the data set, in the order in which they arrived."""
     results: dict[str, RunRecord] = field(default_factory=dict)
-    """Records of the frames that are solved, and of those that are given up."""
+    """Records of frames that are solved, or given up after several tries."""
     tries: dict[str, int] = field(default_factory=dict)
     begun_ns: dict[str, int] = field(default_factory=dict)
     """When a frame was last given to a worker [ns since 1970]."""
@@ -70,7 +70,7 @@ class WatchedDataset:
     written: tuple[str, ...] = ()
     """Frames that are in the run's tables."""
     files: object = None
-    """What its files were when they were read, see :func:`_state_of`."""
+    """State of the data set's files when they were read: see :func:`_state_of`."""
 
     @property
     def waiting(self) -> tuple[str, ...]:
@@ -90,7 +90,7 @@ class WatchedDataset:
 
     @property
     def index(self) -> BatchIndex:
-        """For the gallery: the answers in the order in which they came, then a row per frame that waits."""
+        """The batch for the gallery: answers in the order in which they came, then a row per waiting frame."""
         there = {*self.frames}
         done = [row for frame, result in self.results.items() if frame in there for row in _answers(result)]
         rows = (*done, *map(self._waiting_row, self.waiting))
@@ -101,7 +101,7 @@ class WatchedDataset:
         return Answer(frame=frame, status="no_answer", method=self.session.method.name, message=WAITING)
 
     def grown(self, runs: Runs, written: Mapping[int, int]) -> tuple[str, ...]:
-        """Finished frames whose traces were written to since they were begun, given when each was [ns since 1970]."""
+        """Finished frames whose traces grew after they were begun, by when each trace was written [ns since 1970]."""
         changed = {frame_name((0, number)): at for number, at in written.items()}
         paths = {frame: runs.path(frame) for frame in self.frames if frame in changed}
         begun = {f: self.begun_ns.get(f) or path.stat().st_mtime_ns for f, path in paths.items() if path.exists()}
@@ -109,13 +109,13 @@ class WatchedDataset:
         return tuple(frame for frame, at in begun.items() if changed[frame] > at and frame not in at_work)
 
     def forget(self, runs: Runs, frame: str) -> None:
-        """Has a frame solved again."""
+        """Drop the results of a frame, so that it is solved again."""
         runs.forget(frame)
         for known in (self.results, self.tries, self.begun_ns, self.not_before):
             known.pop(frame, None)
 
     def take(self, runs: Runs, result: RunRecord) -> None:
-        """Takes over a result, or has the frame tried again where files of it may not have been whole."""
+        """Take over a result, or try the frame again where its files may not have been whole."""
         frame = result.header.frame
         tries = self.tries.get(frame, 0)
         if result.end is not None and result.end.can_be_mended and tries < TRIES:
@@ -128,7 +128,7 @@ class WatchedDataset:
 def _tracks(
     frames: Sequence[str], results: Mapping[str, RunRecord], shapes: SequenceOutput | None
 ) -> tuple[MotionTrack, ...]:
-    """How objects move over frames that are solved or wait; nothing where these are no sequence."""
+    """How objects move over solved and waiting frames; empty where these are no sequence."""
     if shapes is None:
         return ()
     records = (results.get(frame) or awaited(frame) for frame in sorted(frames, key=parse_frame))
@@ -183,7 +183,7 @@ class Watch:
         """A run per data set that has or had frames, and what keeps frames from being read or solved, one line."""
 
     def look(self) -> bool:
-        """Looks what has arrived, was solved or is gone; whether anything has changed."""
+        """Look for frames that arrived, were solved or are gone; return whether anything changed."""
         self._looked_at = time.monotonic()
         folders = data_folders(self.folder)
         for data, watched in self._watched.items():
@@ -207,7 +207,7 @@ class Watch:
         return _shown(before) != _shown(self.latest)
 
     def work(self, changed: Callable[[], None]) -> None:
-        """Looks and solves until :meth:`stop`; ``changed`` is called after each change."""
+        """Look and solve until :meth:`stop`; ``changed`` is called after each change."""
         self._changed = changed
         with suppress(_Stopped):
             while not self._stopping.wait(max(self._looked_at + POLL_S - time.monotonic(), 0)):
@@ -221,11 +221,11 @@ class Watch:
                     self.latest = self.latest[0], _described(error)
 
     def stop(self) -> None:
-        """Has :meth:`work` end within a second or two. Callable from any thread."""
+        """End :meth:`work` within a second or two. Callable from any thread."""
         self._stopping.set()
 
     def close(self) -> None:
-        """Ends the workers, and removes what they had half written. Not while :meth:`work` runs."""
+        """End the workers and remove half-written files. Not while :meth:`work` runs."""
         if self._pool is not None:
             self._pool.close()
         for watched in self._watched.values():
@@ -239,7 +239,7 @@ class Watch:
             self._changed()
 
     def _read(self, data: Path) -> None:
-        """Which frames a data set has now, and which of them are solved.
+        """Read which frames a data set has now, and which of them are solved.
 
         Raises:
             VerefineError: a file of it is damaged, or not whole yet.
@@ -268,7 +268,7 @@ class Watch:
             watched.take(runs, result)
 
     def _session(self, data: Path) -> Session:
-        """What solves the frames of a data set: all of them, whatever its session file names."""
+        """The session that solves a data set: all of its frames, whatever frames its session file names."""
         own, base, title = data / SESSION_FILE, self._base, data.resolve().name
         if own.is_file():
             session = load_session(own, self._overrides)
@@ -287,7 +287,7 @@ class Watch:
         return structs.replace(session, scene=scene, edits=())
 
     def _solve(self, data: Path, watched: WatchedDataset) -> None:
-        """What is ready of a data set, and what arrives meanwhile; then its tables."""
+        """Solve the ready frames of a data set, and those that arrive meanwhile; then write its tables."""
         session, frames, out = watched.session, watched.frames, watched.out.absolute()
         try:
             _accept_growth(watched)
@@ -308,20 +308,20 @@ class Watch:
         self._poll()
 
     def _report(self, progress: BatchStatus) -> None:
-        """While frames are solved others arrive."""
+        """Look into the folder between results, as frames arrive while others are solved."""
         if self._stopping.is_set():
             raise _Stopped
         self._poll()
 
 
 class _Stopped(BaseException):
-    """The watch ends."""
+    """Raised inside a batch to end the watch."""
 
 
 @dataclass(frozen=True)
 class _Newest:
-    """The workers of a batch, which solve the newest frames first, also those that arrive meanwhile; where frames are
-    tracked, the oldest.
+    """Workers that solve the newest frame first, frames that arrive meanwhile included; where objects are tracked, the
+    oldest first.
     """
 
     pool: Pool[str, RunRecord]
@@ -331,7 +331,7 @@ class _Newest:
         return self.pool.solve(self._wanted(self.watched.session))
 
     def _wanted(self, session: Session) -> Iterator[str]:
-        """Until nothing is ready, or needs another session."""
+        """Frames to solve, until none is ready or the session has changed."""
         given = set[str]()
         while self.watched.session is session:
             ready = [frame for frame in self.watched.ready if frame not in given]
@@ -344,7 +344,7 @@ class _Newest:
             yield frame
 
     def close(self) -> None:
-        """They are used again."""
+        """Do nothing: the workers are used again."""
 
     @property
     def needs(self) -> str:
@@ -374,7 +374,7 @@ def data_folders(folder: Path) -> tuple[Path, ...]:
 
 
 def _state_of(data: Path) -> object:
-    """Time and size of the files that say which frames there are, and how they are to be read."""
+    """Time and size of the files that say which frames there are and how to read them."""
     files = sorted((data / SESSION_FILE, *data.glob(f"{SCENES}/{CAMERAS}")))
     stats = [(file, file.stat()) for file in files if file.is_file()]
     return (

@@ -1,4 +1,4 @@
-"""Which item a pool of workers gives out next."""
+"""The queue of items that a pool of workers takes from."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ class WorkQueue(Generic[Item]):
 
     Args:
         items: taken one by one, when a worker is free.
-        line_of: items of the same line are given out one after the other; None = at any time.
+        line_of: the line that an item waits in: one item of a line is solved at a time; None = the item need not wait.
     """
 
     def __init__(self, items: Iterable[Item], line_of: Callable[[Item], Hashable]) -> None:
         self._waiting: Iterator[Item] = iter(items)
         self._line_of = line_of
         self._held: deque[Item] = deque()
-        """Items that wait for another of their line."""
+        """Items that wait until another of their line is done."""
         self._again: deque[Item] = deque()
 
     def again(self, item: Item) -> None:
-        """Gives an item out another time: last, so that all others are done before; in a line the next."""
+        """Put an item back: behind all others, but as the next one of its line."""
         if self._line_of(item) is None:
             self._again.append(item)
         else:

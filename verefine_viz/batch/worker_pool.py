@@ -1,4 +1,4 @@
-"""Worker processes, an item each at a time, as a frame. One that dies takes at most its item with it."""
+"""Worker processes that solve one item at a time, such as a frame; a worker that dies loses at most its item."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Item = TypeVar("Item", bound=Hashable)
 Result = TypeVar("Result")
 
 TRIES = 2
-"""How often an item is given out whose worker dies: the reason may have been another process (out of memory)."""
+"""How often an item is given out whose worker dies: another process may have been the reason (out of memory)."""
 
 
 @dataclass(eq=False)
@@ -30,14 +30,14 @@ class _Worker(Generic[Item, Result]):
     work: Work[Item, Result] | None = None
 
     def give(self, work: Work[Item, Result], item: Item | None) -> None:
-        """Has it solve an item, or only make the tools of a work."""
+        """Have the worker solve an item, or only make the tools of a work."""
         # If the process has just died, reading the channel will show it.
         with suppress(OSError):
             self.channel.send((None if self.work == work else work, item))
         self.work = work
 
     def answer(self) -> Result | str | None:
-        """Its result, or a sentence on what is taking long; None where it died instead."""
+        """The worker's result, or a sentence on what takes long; None where the worker died."""
         try:
             return self.channel.recv()
         except (EOFError, OSError):
@@ -54,11 +54,11 @@ class Pool(Generic[Item, Result]):
     """Workers for one work at a time. The first starts at once, so that it imports while others prepare.
 
     Args:
-        work: what they do with each item.
+        work: what workers do with each item.
         n_workers: most processes at a time.
         limit_bytes: a worker that holds more than this after an item is replaced by a new one; None: its share of
             the machine's memory.
-        pause_s: most time between two results, or None in their place [s]; None: they come when they come.
+        pause_s: after so long without a result, ``solve`` yields None in its place [s]; None: it waits for results.
     """
 
     def __init__(
@@ -95,11 +95,11 @@ class Pool(Generic[Item, Result]):
 
     @property
     def _limit_bytes(self) -> int:
-        """What a worker may hold: they share the memory, and there are no more of them than items."""
+        """Most memory of a worker [bytes]: an equal share, of no more workers than there are items."""
         return self._given_limit_bytes or int(SHARE * machine_bytes() / self._most_workers)
 
     def switch_to(self, work: Work[Item, Result]) -> None:
-        """From now on items are those of another work; processes stay, which saves seconds of imports each."""
+        """Take items of another work from now on; the processes stay, which saves each seconds of imports."""
         self._work = work
         self._tries.clear()
 
@@ -147,7 +147,7 @@ class Pool(Generic[Item, Result]):
                     yield result
 
     def close(self) -> None:
-        """Ends all workers, also in the middle of an item."""
+        """End all workers, also in the middle of an item."""
         for worker in self._workers:
             worker.kill()
         for worker in self._workers:

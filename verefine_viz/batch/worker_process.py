@@ -1,7 +1,7 @@
-"""A worker process: makes the tools of a work once, then solves the items it is given; it may get another work.
+"""A worker process: makes the tools of a work once, then solves items of it; another work may follow.
 
 This module must not import numpy or numba, which read the number of threads when they are imported. A work comes
-through the channel, so that what it imports is imported here after that number is set.
+through the channel, so that its imports happen after the number of threads is set.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from verefine_viz.core.child_process import end_with_parent
 def work(channel: connection.Connection) -> None:
     """The process's main: receives works and items, sends results, until the channel closes.
 
-    A message is a work and an item of it: no item where it comes later, no work where it is that of the last message.
-    Before a result it may send a sentence on what is taking long.
+    A message is (work, item). The item is None where it follows later, the work where it is the one of the message
+    before. Ahead of a result the worker may send a sentence that says what takes long.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent ends it.
     # One item per core beats several threads in one item.

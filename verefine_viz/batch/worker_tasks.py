@@ -37,5 +37,5 @@ class Work(Protocol[Item, Result]):
         ...
 
     def line_of(self, item: Item) -> Hashable:
-        """Items of the same line are solved one after the other; None = at any time."""
+        """The line of an item: those of one line are solved one after the other; None = at any time."""
         ...

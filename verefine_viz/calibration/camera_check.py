@@ -1,10 +1,11 @@
-"""Whether camera, depth, models, ground-truth and initial poses of a frame belong together.
+"""Checks whether camera, depth, models, ground-truth and initial poses of a frame belong together.
 
 A wrong focal length goes unnoticed where only depth is compared: an object near the image's centre still lies about
-right. But it changes how large objects appear and, by the same factor, how far from the centre; models of a wrong size
-change the first alone, a wrong depth_scale neither. One focal length alone makes objects wider or higher, and a wrong
-cx or cy moves them all beside their models; depth goes with them there, but stays where masks alone are displaced. A
-bad mask or a poor estimate is off alone; so objects are taken together. Measured: docs/decisions/data-checks.md.
+right. But it changes how large objects appear and, by the same factor, how far from the centre they lie; models of a
+wrong size change only how large they appear, and a wrong depth_scale changes neither. One wrong focal length makes
+objects wider or higher. A wrong cx or cy moves all masks beside their models, and depth with them; where masks alone
+are displaced, depth stays in place. A bad mask or a poor estimate concerns one object, so several are judged together.
+Measured: docs/decisions/data-checks.md.
 """
 
 from __future__ import annotations
@@ -28,22 +29,23 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import DataSettings
 
 MOST, SMALLEST_PX = 6, 24
-"""Objects of a frame that are compared, the largest first, and the smallest (square root of the mask's area)."""
+"""Most objects of a frame that are compared, the largest first; and the smallest object (square root of its area)."""
 SURE, SURE_SIDES = 0.05, 0.07
-"""Objects whose factor, or width and height, are less certain have masks of another shape, and are passed over."""
+"""Largest error of an object's factor, and of its width and height; above, its mask has another shape: ignored."""
 FEWEST_SURE, FEWEST_TOGETHER = 1 / 3, 2
-"""Share of the objects that must be sure, and number where a single mask may be too narrow or lie beside by chance."""
+"""Share of the objects that must be sure; and their least number where a single mask may be off by chance."""
 OFF, MOST_DISSENT = 0.04, 0.25
-"""Least share by which factors are off, and share of the objects that may be off by less than half as much."""
+"""Least share by which factors are off; and share of the objects that may be off by less than half of the median."""
 MASK_PX, PLAIN_PX, ALONE_PX = 4, 2, 20
-"""All masks may be too wide by less on each side; what explains places better by less is no better; and a single
-object nearer to the image's centre than the last does not show whether camera or models are off [px]."""
+"""All masks may be too wide by less than the first on each side; an explanation must place objects better than another
+one by the second; and a single object nearer to the image's centre than the third does not show whether camera or
+models are off [px]."""
 BESIDE, LITTLE = 0.015, 0.25
-"""Least displacement (share of the image's width), and least share of its larger side at which the other is named."""
+"""Least displacement (share of the image's width); and least share of its larger side at which the other is named."""
 FEW = 3
-"""With fewer objects chance may look like a rule."""
+"""Least number of objects: fewer may agree by chance."""
 OFF_DEPTH = 0.05
-"""Estimators' own distances may all be off by this share."""
+"""Share by which the distances of an estimator may all be off."""
 LIKELY = (
     (4.0, "steps of 0.25 mm (RealSense L515) and millimetres"),
     (5.0, "steps of 0.2 mm (TUM) and millimetres"),
@@ -52,22 +54,23 @@ LIKELY = (
     (39.37, "metres and inches"),
     (1000.0, "metres and millimetres"),
 )
-"""Factors by which depth is often off, or one over them, and what was mixed up; the share is that of LIKE."""
+"""Factors by which depth is often too large or too small, and the units that were mixed up."""
 LIKE = 0.04
-"""Factors that differ by less are the same."""
+"""Factors whose logarithms differ by less count as equal."""
 SHARES_M = 0.5
-"""A single object has to be measured at another distance than its pose by this share of its size, as another side of it
-may lie nearer by less."""
+"""A single object must be measured nearer or farther than its pose by at least this share of its size: by less, another
+side of it may have been measured."""
 SURELY_OFF, SURELY_OFF_ALONE, ALIKE = 0.15, 0.3, 0.1
-"""Least share by which initial poses show a camera to be off, with several objects or one, and how alike they are."""
+"""Least share by which initial poses show a camera to be off, for several objects and for one; and how far the
+objects' factors may differ."""
 SHARE_OF_FACTOR = 0.2
-"""A factor whose error is less than this share of its logarithm is sure as well; fewer than half the objects are enough
-where the others' factors are the same within two errors."""
+"""A factor is also sure if its error is less than this share of its logarithm. Fewer than half of the objects need be
+sure where the factors of the others agree within two errors."""
 
 
 @dataclass(frozen=True)
 class CameraVerdict:
-    """How sizes and places of objects differ from what their poses say."""
+    """How sizes and places of objects in the image differ from what their poses say, and what is off."""
 
     message: str
     advice: str = ""  # what to do about it; empty = nothing
@@ -75,12 +78,12 @@ class CameraVerdict:
     """"focal length", "one focal length", "principal point", "image" (cam_K is of images of another size), "models",
     "focal length or models", "distances" (of the ground-truth poses), "masks", "depth", or nothing is off."""
     remedy: DataSettings | None = None
-    """What would put it right; None where nothing of the data does. Models: ``model_factor``."""
+    """Settings that put the data right; None where none do. For models see ``model_factor``."""
     model_factor: float = 1.0
-    """How many times as large the models would fit."""
+    """Factor by which the models would have to be larger to fit."""
 
     def doubt(self, problem: Problem) -> Doubt:
-        """The doubt about a frame."""
+        """The verdict as a doubt about a frame."""
         kind, short = TITLES[self.cause]
         remedy, numbers = self.remedy, {}
         if remedy is not None:
@@ -112,16 +115,16 @@ TITLES: dict[str | None, tuple[DoubtKind, str]] = {
     "masks": (DoubtKind.MASK, "masks displaced"),
     "depth": (DoubtKind.DEPTH_SCALE, ""),
 }
-"""What doubts are about by cause of a verdict, and their words for a badge."""
+"""Kind of doubt for each cause of a verdict, and its words for a badge."""
 
 
 def outline_fits(
     objects: Sequence[tuple[ObjectModel, Float, Mask]], camera: Camera, depth_m: NDArray[np.float32], object_mask: Mask
 ) -> list[OutlineFit]:
-    """How the largest of these objects (model, T_cam_obj (4, 4), mask (H, W)) lie over their models.
+    """How the masks of the largest of these objects (model, T_cam_obj (4, 4), mask (H, W)) lie over their models.
 
-    Those of whose outline too little is seen are left out. ``depth_m`` (H, W) is 0 where nothing was measured, and
-    ``object_mask`` (H, W) are the pixels of any object, also of others than these.
+    Objects are left out where too little of the outline is seen. ``depth_m`` (H, W) is 0 where nothing was measured;
+    ``object_mask`` (H, W) are the pixels of all objects of the frame, not of ``objects`` alone.
     """
     large = [one for one in objects if np.count_nonzero(one[2]) >= SMALLEST_PX**2]
     largest = sorted(large, key=lambda one: -np.count_nonzero(one[2]))[:MOST]
@@ -130,7 +133,7 @@ def outline_fits(
 
 
 def camera_doubts(problem: Problem) -> tuple[Doubt, ...]:
-    """A doubt where objects with ground truth do not appear as, and where, it says."""
+    """A doubt where objects with ground truth appear in another size, shape or place than it says."""
     seen, instances = problem.observation, problem.instances
     known = [(problem.models[i.obj_id], i.T_cam_obj_gt, i.mask) for i in instances if i.T_cam_obj_gt is not None]
     sizes = verdict(outline_fits(known, seen.camera, seen.depth_m, seen.object_mask))
@@ -138,7 +141,7 @@ def camera_doubts(problem: Problem) -> tuple[Doubt, ...]:
 
 
 def verdict(fits: Sequence[OutlineFit], poses: str = "ground-truth poses") -> CameraVerdict:
-    """What the outlines of objects of one frame, or of several, in ``poses`` show together."""
+    """What the outlines of objects show together; ``poses`` names their poses. They may be of several frames."""
     in_order = f"objects appear as large as their models in their {poses}"
     if (one_focal_length := _one_focal_length(fits)) is not None:
         return one_focal_length
@@ -161,12 +164,12 @@ def verdict(fits: Sequence[OutlineFit], poses: str = "ground-truth poses") -> Ca
 
 
 def _one_focal_length(fits: Sequence[OutlineFit]) -> CameraVerdict | None:
-    """Where objects appear wider or narrower than their models by another factor than higher or lower."""
+    """The verdict where width and height of objects differ from their models by different factors; else None."""
     sure = [one for one in fits if one.sides_error < SURE_SIDES]
     if len(sure) < max(FEWEST_TOGETHER, FEWEST_SURE * len(fits)):
         return None
     sides, error = np.array([one.sides for one in sure]), float(np.median([one.sides_error for one in sure]))
-    # Masks that are too wide make narrow objects wider by more, but each by as many pixels as higher.
+    # Masks that are too large widen narrow objects by a larger factor, but by as many pixels as they add in height.
     grown_px = (sides - 1) * [one.drawn.box_px for one in sure] / 2
     if abs(np.median(grown_px[:, 0] - grown_px[:, 1])) <= MASK_PX or not _are_off(sides[:, 0] / sides[:, 1], error):
         return None
@@ -182,12 +185,12 @@ def _one_focal_length(fits: Sequence[OutlineFit]) -> CameraVerdict | None:
 
 
 def _size(sure: Sequence[OutlineFit], factor: float, depth: float, poses: str) -> CameraVerdict:
-    """Where objects appear ``factor`` times as large as their models: where they lie shows what makes them so."""
+    """The verdict where objects appear ``factor`` times as large as their models; where they lie shows the reason."""
     size, away, near = ("larger", "farther from", "nearer") if factor > 1 else ("smaller", "nearer to", "farther away")
     message, off = f"objects appear {_percent(factor)} {size} than their models in their {poses}", _off(factor)
 
     def misplaced_px(fixed_px: Sequence[Float]) -> float:
-        """How far from where they should be objects lie if all were ``factor`` times as far from those points (2,)."""
+        """Median distance of objects from where ``factor`` would move each, away from its fixed point (2,)."""
         expected = [(factor - 1) * (one.drawn.middle_px - fixed) for one, fixed in zip(sure, fixed_px, strict=True)]
         return float(np.median(np.linalg.norm([one.shift_px for one in sure] - np.array(expected), axis=1)))
 
@@ -207,7 +210,7 @@ def _size(sure: Sequence[OutlineFit], factor: float, depth: float, poses: str) -
     if abs(np.log(depth)) > OFF and abs(np.log(depth * factor)) < abs(np.log(depth)):
         advice = f"cam_t_m2c in scene_gt.json looks too {'large' if factor > 1 else 'small'}; check its unit"
         return CameraVerdict(f"{message} and are {near} by as much", advice, "distances")
-    # Masks that are too wide leave objects where they are as well.
+    # Masks that are too wide do not move objects either.
     if np.median([one.drawn.size_px for one in sure]) * abs(factor - 1) / 2 < MASK_PX:
         wide = "wide" if factor > 1 else "narrow"
         return CameraVerdict(f"{message}, as they do where masks are a few pixels too {wide}", cause="masks")
@@ -222,7 +225,7 @@ def _is_better(misplaced_px: float, other_px: float) -> bool:
 
 
 def _displaced(sure: Sequence[OutlineFit], poses: str) -> CameraVerdict | None:
-    """Where all objects lie beside their models by as much; depth shows whether the camera or the masks are off."""
+    """The verdict where all objects are displaced alike; depth shows whether the camera or the masks are off."""
     shifts_px = np.array([one.shift_px for one in sure])
     middle_px = np.median(shifts_px, axis=0)
     far_px, spread_px = np.linalg.norm(middle_px), np.median(np.linalg.norm(shifts_px - middle_px, axis=1))
@@ -247,7 +250,7 @@ def _displaced(sure: Sequence[OutlineFit], poses: str) -> CameraVerdict | None:
 
 
 def _are_off(ratios: Float, error: float) -> bool:
-    """Whether ratios differ from 1, most of them in the same way."""
+    """Whether ratios differ from 1, and most of them in the same direction."""
     logs = np.log(ratios[np.isfinite(ratios)])
     middle = float(np.median(logs)) if len(logs) else 0.0
     return abs(middle) > OFF + error and bool(np.mean(logs / middle < 0.5) <= MOST_DISSENT)
@@ -256,9 +259,9 @@ def _are_off(ratios: Float, error: float) -> bool:
 def estimate_doubts(problem: Problem) -> tuple[Doubt, ...]:
     """A doubt where, without ground truth, initial poses agree that depth or the camera is off by one factor.
 
-    Estimators that see colour alone place objects by the camera and the size of the models, not by depth. A pose that
-    is off alone changes how large its model appears and how far away it is by one factor, or the outline's shape: depth
-    is off where outlines fit, cam_K where depth does.
+    Estimators that see colour alone place objects by the camera and the size of the models, not by depth. An error of
+    a single pose changes the size in which its model appears and its distance by the same factor, or the shape of its
+    outline. So depth is off where outlines fit, and cam_K is off where depth fits.
     """
     if any(i.T_cam_obj_gt is not None for i in problem.instances):
         return ()
@@ -273,7 +276,7 @@ def _depth_by_estimates(fits: Sequence[OutlineFit]) -> tuple[Doubt, ...]:
     logs = np.log([depth for depth in depths if depth > 0])
     middle = float(np.median(logs)) if len(logs) else 0.0
     if len(logs) >= FEW:
-        # Three times the error of the median, of all but two objects that may agree by chance.
+        # Three times the error of the median; two of the objects are not counted, as they may agree by chance.
         error = 3 * 1.85 * float(np.median(np.abs(logs - middle))) / np.sqrt(len(logs) - 2)
         is_off = abs(middle) > OFF_DEPTH + error
     else:
@@ -294,7 +297,7 @@ def _depth_by_estimates(fits: Sequence[OutlineFit]) -> tuple[Doubt, ...]:
 
 
 def scaled_depth(ratio: float, source: str) -> Doubt:
-    """The doubt that depth is ``ratio`` times as large as what the poses of a source say."""
+    """A doubt: measured depth is ``ratio`` times as large as the poses of ``source`` say."""
     text = (
         f"measured depth is {_larger(ratio)} the {source} poses say: check depth_scale in scene_camera.json "
         f"({_fitting(1 / ratio)}{_likely(ratio)}), and that cam_K is that of the camera the poses were estimated for"
@@ -305,7 +308,7 @@ def scaled_depth(ratio: float, source: str) -> Doubt:
 
 
 def _is_only_depth_off(one: OutlineFit) -> bool:
-    """Whether a model lies on its mask, and another side of it cannot be what was measured."""
+    """Whether a model lies on its mask while depth is off by more than another side of the object would explain."""
     is_on_mask = one.error < SURE and abs(np.log(one.factor)) < OFF + PLAIN_PX / one.drawn.size_px
     least = max(SURELY_OFF, SHARES_M * float(one.drawn.box_px.max()) / one.camera.fx)
     return is_on_mask and abs(np.log(one.depth)) > least
@@ -329,7 +332,7 @@ def _camera_by_estimates(fits: Sequence[OutlineFit], problem: Problem) -> tuple[
 
 def distance(points_cam: Float, model: ObjectModel, T_cam_obj: Float) -> float:
     """Median distance of observed points (N, 3) [m], N > 0, to a posed model, as a share of its diameter."""
-    some = points_cam[:: max(1, len(points_cam) // 100)]  # As many as a median needs.
+    some = points_cam[:: max(1, len(points_cam) // 100)]  # Enough for a median.
     return float(np.median(_tree(model).query(apply(inverse(T_cam_obj), some))[0])) / model.diameter_m
 
 
@@ -343,13 +346,13 @@ def _fitting(factor: float) -> str:
 
 
 def _likely(ratio: float) -> str:
-    """What is often off by about this factor, if anything."""
+    """Words for the units whose mix-up makes about this factor; empty for none."""
     how = [words for factor, words in LIKELY if abs(abs(np.log(ratio)) - np.log(factor)) < LIKE]
     return f", as between {how[0]}" if how else ""
 
 
 def _depth_times(ratio: float) -> float:
-    """What puts depth right that is so many times as large: the factor of what was mixed up, else the measured one."""
+    """Factor that puts depth right which is ``ratio`` times as large: of mixed-up units, else the measured one."""
     for factor, _ in LIKELY:
         if abs(abs(np.log(ratio)) - np.log(factor)) < LIKE:
             return 1 / factor if ratio > 1 else factor

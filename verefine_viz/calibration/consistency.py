@@ -1,12 +1,12 @@
-"""Whether depth, masks, models and poses of a frame belong together; where they do not, what would fit, by trying it.
+"""Checks whether depth, masks, models and poses of a frame belong together; if not, finds by trial what would fit.
 
-Evidence comes first. What is measured is checked against itself: the steps of depth, and masks that cover more than
-their model can while depth lies where the model is. Then models are compared with what masks and depth show, then poses
-with both: an object is drawn at its ground-truth pose, or at its first initial pose, and where that does not fit, each
-common mistake is undone in turn (another unit, another convention, an inverted mask) and drawn again. What would fit
-must also leave an object of plausible size and distance, which no pose can spoil: so a poor pose accuses no mesh. An
-initial pose may be off by itself; what they have in common is doubted where most of them show it and none does not.
-Where nothing would fit, a doubt says what was tried.
+Evidence comes first. Measurements are checked against themselves: the steps of depth, and masks that cover more than
+their model can while depth lies where the model is. Then models are compared with masks and depth, then poses with
+both: an object is drawn at its ground-truth pose, or at its first initial pose. Where the drawing does not fit, each
+common mistake is undone in turn (another unit, another convention, an inverted mask) and the object is drawn again. A
+correction must also leave an object of plausible size and distance, which do not depend on the pose: so a poor pose
+accuses no mesh. An initial pose may be off by itself; what initial poses share is doubted only where most of them show
+it and none speaks against it. Where nothing would fit, a doubt says what was tried.
 """
 
 from __future__ import annotations
@@ -31,57 +31,58 @@ from verefine_viz.core.settings import DataSettings, PoseConvention
 from verefine_viz.core.text_format import listed
 
 MOST_SOURCES = 4
-"""Sources of initial poses that are looked at."""
+"""Most sources of initial poses that are checked."""
 FITS, FITS_INITIAL, OFF = 0.5, 0.35, 0.2
-"""Share of the pixels from which an explanation is believed, at a ground-truth and at an initial pose; and below which
-a pose is off even without one."""
+"""Fit (share of pixels) from which an explanation is believed, at a ground-truth pose and at an initial one; and fit
+below which a pose is off even without an explanation."""
 SUSPECT = 0.6
-"""Below it explanations are tried for a ground-truth pose: symmetric shapes fit in part whatever is wrong."""
+"""Fit of a ground-truth pose below which explanations are tried: symmetric shapes fit in part whatever is wrong."""
 BETTER = 0.3
-"""So much more must fit with an explanation than without."""
+"""Least gain in fit by an explanation."""
 LEAST_SIZE, MOST_SIZE = 0.2, 1.5
-"""What a mask covers in diameters of its model: of an object seen from its end, or hidden in part, and of one with a
-mask that is somewhat too wide."""
+"""Length of a mask in diameters of its model: least of an object seen from its end, or partly hidden; most of an object
+whose mask is somewhat too wide."""
 NEAREST_M, FARTHEST_M = 0.1, 12.0
-"""Objects are measured in between [m]; depth of another unit has to bring them there."""
+"""Range of distances in which depth in another unit has to place an object [m]."""
 MOST_BORDERS = 2
-"""A mask that reaches more borders of the image does not show how large its object is."""
+"""Most borders of the image that a mask may reach if it is to show how large its object is."""
 WHOLE, IN_PLACE = 0.9, 0.7
-"""Share of the image that no mask of one object covers, and of a model's pixels that shows it where depth is."""
+"""Share of the image that no mask of a single object covers; and share of a model's pixels with its depth from which
+the model is in the right place."""
 LARGE, OTHER = 1.2, 0.15
-"""A mask that covers so many diameters shows several objects where such a share of it lies beside a drawing that is as
-large: at least 0.21 if it does, at most 0.06 where camera or model make the whole outline larger."""
+"""A mask shows several objects if it is longer than the first (in diameters) and the second, a share of it, lies beside
+a drawing of the same area: measured at least 0.21 for several objects, at most 0.06 for a wrong camera or model."""
 SAME_MASK, BESIDE = 0.9, 0.2
-"""Share of their pixels that two masks have in common which are the same, and less of a drawing that two objects have
-in common which lie side by side; a detector that gives an object two names draws both in one place."""
+"""Two masks are one if they share this part of their pixels; two objects lie side by side if their drawings overlap by
+less than the second. (Where a detector gives one object two names, both are drawn in one place.)"""
 STRICTLY, STRICTLY_BETTER, STRICTLY_ALONE, LOSS = 0.6, 0.25, 0.75, 0.15
-"""As FITS and BETTER for what an initial pose that is off could pass for, measured as a ground-truth pose is; what a
-single object takes, with twice as much gain; and what shows that a turn is not to be undone."""
+"""Stricter limits for mistakes that a poor initial pose could look like, with fits measured as for ground truth: least
+fit and gain; least fit of a single object, with twice the gain; and the loss of fit that speaks against a turn."""
 WELL = 0.8
-"""Median fit, measured as that of ground-truth poses is, above which neither depth nor camera is off: it is at most
-0.76 with a camera that is off by 15 %, and about 0 with depth that is off by 5 %."""
+"""Median fit, measured as for ground truth, above which neither depth nor camera is off: it is at most 0.76 with a
+camera that is off by 15 %, and about 0 with depth that is off by 5 %."""
 FEW = 2
-"""A single initial pose may be off by itself."""
+"""Least number of objects: a single initial pose may be off by itself."""
 SCALED, ALIKE = 0.15, 0.03
-"""Depth that is off by less, or not alike for all objects, is not named where outlines are not sure: poses that are
-off by so much show it in their size."""
+"""Where outlines are not sure, depth is named only if it is off by more than the first, and by the same factor for all
+objects up to the second (logarithms): poses that are off by so much show it in their size."""
 UNITS = (10.0, 0.1, 1000.0, 0.001, 100.0, 0.01, 25.4, 1 / 25.4)
 """Factors between units that are mixed up: mm, cm, m and inches."""
 UNEXPLAINED = "no other unit or convention would fit"
 CURVED, CURVED_M, ASIDE = 0.4, 0.004, 1.03
-"""Distances instead of depth: so much smaller must the error be with them, so large without them [m], and so much
-longer the objects' rays than z; an offset of the sensor looks the same near the image's centre."""
+"""Depth is taken for distances if that leaves less than the first of the error, the error is above the second [m], and
+the objects' rays are longer than z by the third: near the image's centre an offset of the sensor looks the same."""
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """A common mistake."""
+    """A common mistake in the data, and how to undo it."""
 
     words: str
     """What would fit, and what to look at."""
     kind: DoubtKind
     short: str = ""
-    """For a badge."""
+    """Words for a badge."""
     depth_times: float = 1.0
     model_times: float = 1.0
     pose_times: float = 1.0
@@ -92,7 +93,7 @@ class Explanation:
 
     @property
     def of(self) -> Literal["depth", "models", "poses", "masks"]:
-        """What is to blame: depth and conventions are those of all objects, models and masks their own."""
+        """The data at fault: depth and conventions concern all objects, models and masks one."""
         if self.model_times != 1:
             return "models"
         if self.depth_times != 1:
@@ -100,7 +101,7 @@ class Explanation:
         return "masks" if self.inverts_mask else "poses"
 
     def undo(self, one: Seen) -> Seen:
-        """An object without the mistake."""
+        """The object with the mistake undone."""
         return replace(
             one,
             T_cam_obj=corrected_pose(one.T_cam_obj, self.remedy(())),
@@ -110,7 +111,7 @@ class Explanation:
         )
 
     def remedy(self, obj_ids: Sequence[int]) -> DataSettings:
-        """The settings that put data right, with models and masks of these objects."""
+        """The settings that put the data right; changed models and masks are those of ``obj_ids``."""
         own = () if self.model_times == 1 else of_models(obj_ids, self.model_times).model_times
         masks = tuple(sorted({*obj_ids})) if self.inverts_mask else ()
         return DataSettings(
@@ -122,9 +123,9 @@ class Explanation:
         )
 
     def doubt(self, shown_by: Sequence[Seen], looked_at: Sequence[Seen], obj_ids: Collection[int]) -> Doubt:
-        """The doubt that some of the objects that were looked at show; what all of them show is of all ``obj_ids``."""
+        """The doubt that ``shown_by`` raise; where all objects that were looked at do, it concerns all ``obj_ids``."""
         is_of_all = len(shown_by) == len(looked_at) > 1
-        # Settings put right what initial poses say; the ground truth stays as it is.
+        # Settings correct initial poses only, never the ground truth.
         is_of_truth = shown_by[0].is_truth and (self.pose_times != 1 or self.poses != "given")
         own = [one.model.obj_id for one in shown_by]
         factors = {"depth_times": self.depth_times, "model_times": self.model_times, "pose_times": self.pose_times}
@@ -230,7 +231,7 @@ EXPLANATIONS = (*_units(), *_in_metres(), *_conventions())
 
 
 def data_doubts(problem: Problem) -> tuple[Doubt, ...]:
-    """What of a frame does not fit together: units and conventions, else camera and images, else nothing single."""
+    """Doubts about a frame: units and conventions, else camera and images, else what no single mistake explains."""
     explained, unexplained = _doubts(problem)
     if explained:
         return explained
@@ -239,7 +240,7 @@ def data_doubts(problem: Problem) -> tuple[Doubt, ...]:
 
 
 def doubts(problem: Problem) -> tuple[Doubt, ...]:
-    """As :func:`data_doubts`, without the camera where there is ground truth, by which wrong answers show it."""
+    """As :func:`data_doubts`, without the check of the camera by ground truth."""
     explained, unexplained = _doubts(problem)
     if explained:
         return explained
@@ -256,16 +257,16 @@ def _without_truth(problem: Problem) -> tuple[Doubt, ...]:
 
 
 def _lie_well(problem: Problem) -> bool:
-    """Whether most initial poses fit as true ones do; with a scale or a camera that is off by what is named none do."""
+    """Whether most initial poses fit as well as true ones, as none do where scale or camera are off by much."""
     poses = {i.instance_id: i.hypotheses[0].T_cam_obj for i in problem.instances if i.hypotheses}
     fits = [replace(one, near=NEAR).fit() for one in seen_objects(problem, poses, "initial poses")]
     return bool(fits) and float(np.median(fits)) > WELL
 
 
 def _doubts(problem: Problem) -> tuple[tuple[Doubt, ...], tuple[Doubt, ...]]:
-    """What does not fit and what would, and what does not fit whatever is tried.
+    """Doubts with a correction that would fit, and doubts that no correction explains.
 
-    By ground truth; where that fits, or is unknown, by the initial poses of each source.
+    Judged by ground truth; where it fits, or is unknown, by the initial poses of each source.
     """
     truths = {i.instance_id: i.T_cam_obj_gt for i in problem.instances if i.T_cam_obj_gt is not None}
     explained, unexplained = _pose_doubts(seen_objects(problem, truths, TRUTH), problem.models.keys())
@@ -279,7 +280,7 @@ def _doubts(problem: Problem) -> tuple[tuple[Doubt, ...], tuple[Doubt, ...]]:
     sources = [*by_source.items()][:MOST_SOURCES]
     each = [_pose_doubts(seen_objects(problem, poses, name), problem.models.keys()) for name, poses in sources]
     explained = tuple(doubt for found, _ in each for doubt in found)
-    # Poses of one source may all be poor; where another's fit, or the truth is known, the data are not to blame.
+    # Poses of one source may all be poor; where those of another fit, or ground truth does, the data are not at fault.
     unfit = (
         () if truths or not all(found for _, found in each) else tuple(doubt for _, found in each for doubt in found)
     )
@@ -294,11 +295,11 @@ def _pose_doubts(objects: Sequence[Seen], obj_ids: Collection[int]) -> tuple[tup
     for one in objects:
         fit = one.fit()
         n_fit += fit >= FITS_INITIAL
-        mask = mask_fault(one) or shared_mask(one, objects)
+        mask = _mask_fault(one) or _shared_mask(one, objects)
         mistake = None
         if mask is None and fit < (SUSPECT if one.is_truth else OFF):
-            mistake = explanation(one, fit)
-            mask = swapped_mask(one, fit, objects) if mistake is None else None
+            mistake = _explanation(one, fit)
+            mask = _swapped_mask(one, fit, objects) if mistake is None else None
         if mask is not None:
             of_masks.append(mask)
         elif mistake is not None:
@@ -307,18 +308,18 @@ def _pose_doubts(objects: Sequence[Seen], obj_ids: Collection[int]) -> tuple[tup
             off.append(one)
     if not objects or objects[0].is_truth:
         found = (*of_masks, *(mistake.doubt(of, objects, obj_ids) for mistake, of in explained.items()))
-        found = found or tuple(distances_for_depth(objects))
+        found = found or tuple(_distances_for_depth(objects))
         # A single pose or mask may be wrong for reasons of its own; all of them are not.
         check = "check camera, depth, masks and poses" if len(off) == len(objects) else "check its mask and its pose"
         misfit = (_doubt(DoubtKind.MISFIT, off, f"{UNEXPLAINED}: {check}"),) if off else ()
-        return found, scaled_depths(objects, off) or misfit
+        return found, _scaled_depths(objects, off) or misfit
     shared = (
         mistake.doubt(of, objects, obj_ids)
         for mistake, of in explained.items()
         if mistake.of not in ("depth", "poses") or (2 * len(of) >= len(objects) and 4 * n_fit <= len(objects))
     )
     found = (*of_masks, *shared) or tuple(_turned(objects, obj_ids))
-    if scaled := scaled_depths(objects, off):
+    if scaled := _scaled_depths(objects, off):
         return found, scaled
     if len(objects) < FEW or len(off) < len(objects) or not all(one.is_elsewhere() for one in off):
         return found, ()
@@ -329,8 +330,8 @@ def _pose_doubts(objects: Sequence[Seen], obj_ids: Collection[int]) -> tuple[tup
     return found, (Doubt(DoubtKind.MISFIT, text, "depth and poses do not agree", _instances(off)),)
 
 
-def scaled_depths(objects: Sequence[Seen], off: Sequence[Seen]) -> tuple[Doubt, ...]:
-    """A doubt where no object fits and all would, as true ones do, with depth that is off by one factor."""
+def _scaled_depths(objects: Sequence[Seen], off: Sequence[Seen]) -> tuple[Doubt, ...]:
+    """A doubt where no object fits, but all would fit as well as true poses if depth were scaled by one factor."""
     if not off or len(off) < len(objects):
         return ()
     ratios = np.array([one.depth_ratio() for one in off])
@@ -341,8 +342,8 @@ def scaled_depths(objects: Sequence[Seen], off: Sequence[Seen]) -> tuple[Doubt, 
     return (scaled_depth(ratio, off[0].source),) if min(one.fit() for one in right) > WELL else ()
 
 
-def mask_fault(one: Seen) -> Doubt | None:
-    """What is odd about a mask that covers more than its model can while depth lies where the model is; else None."""
+def _mask_fault(one: Seen) -> Doubt | None:
+    """A doubt about a mask that covers more than its model can while depth lies where the model is; else None."""
     share = float(one.mask.mean())
     if one.size <= LARGE or (share <= WHOLE and (one.agreement() < IN_PLACE or one.beside_scaled() < OTHER)):
         return None
@@ -357,8 +358,8 @@ def mask_fault(one: Seen) -> Doubt | None:
     return Doubt(DoubtKind.MASK, text, "mask too large", _instances([one]), numbers)
 
 
-def shared_mask(one: Seen, objects: Sequence[Seen]) -> Doubt | None:
-    """What is odd about a mask that is another object's as well, while depth has both models, side by side."""
+def _shared_mask(one: Seen, objects: Sequence[Seen]) -> Doubt | None:
+    """A doubt where two objects have one mask while depth shows both, side by side; else None."""
     for other in objects:
         n_both, n_either = np.count_nonzero(one.mask & other.mask), np.count_nonzero(one.mask | other.mask)
         if other is one or n_both < SAME_MASK * n_either:
@@ -373,14 +374,14 @@ def shared_mask(one: Seen, objects: Sequence[Seen]) -> Doubt | None:
     return None
 
 
-def explanation(one: Seen, fit: float) -> Explanation | None:
-    """What would fit an object; None where nothing does."""
+def _explanation(one: Seen, fit: float) -> Explanation | None:
+    """The mistake that, once undone, lets an object fit best; None where none does."""
     best, k = max(((undone.fit(), -k) for k, undone in _undone(one)), default=(0.0, 0))
     return EXPLANATIONS[-k] if best >= _least(one, fit) else None
 
 
-def swapped_mask(one: Seen, fit: float, objects: Sequence[Seen]) -> Doubt | None:
-    """Whose mask would fit an object at its ground-truth pose; estimates are given to the masks that they fit."""
+def _swapped_mask(one: Seen, fit: float, objects: Sequence[Seen]) -> Doubt | None:
+    """A doubt where another object's mask fits the ground-truth pose; estimates are assigned to the masks they fit."""
     for other in objects if one.is_truth else ():
         if other is not one and replace(one, mask=other.mask).fit() >= _least(one, fit):
             words = f"the mask of {other.name} would fit: masks and poses look as if they were in another order"
@@ -401,7 +402,7 @@ def _undone(one: Seen) -> Iterator[tuple[int, Seen]]:
 
 
 def _is_plausible(mistake: Explanation, undone: Seen) -> bool:
-    """Whether what a mask covers, and how far away that is, could be the object, whatever its pose."""
+    """Whether size and distance of what the mask covers suit the object, whatever its pose."""
     if mistake.of == "depth" and not NEAREST_M < undone.away_m < FARTHEST_M:
         return False
     if mistake.of == "models" and undone.n_borders() > MOST_BORDERS:
@@ -410,11 +411,11 @@ def _is_plausible(mistake: Explanation, undone: Seen) -> bool:
 
 
 def _turned(objects: Sequence[Seen], obj_ids: Collection[int]) -> Iterator[Doubt]:
-    """A doubt where most initial poses fit as true ones do once the same turn is undone, and none fits worse."""
+    """A doubt where most initial poses fit as well as true ones once the same turn is undone, and none fits worse."""
     strict = [replace(one, near=NEAR) for one in objects]
     as_they_are = [one.fit() for one in strict]
     n_off, alone = sum(fit < STRICTLY for fit in as_they_are), len(objects) == 1
-    # A single pose that is off may be right after a quarter turn by chance, as shapes look alike from their sides.
+    # A single poor pose may become right by a quarter turn by chance, as many shapes look alike from several sides.
     for mistake in (TRANSPOSED,) if alone else (e for e in EXPLANATIONS if e.is_subtle):
         fits = [(mistake.undo(one).fit(), fit) for one, fit in zip(strict, as_they_are, strict=True)]
         if any(undone < fit - LOSS for undone, fit in fits):
@@ -426,7 +427,7 @@ def _turned(objects: Sequence[Seen], obj_ids: Collection[int]) -> Iterator[Doubt
             return
 
 
-def distances_for_depth(objects: Sequence[Seen]) -> Iterator[Doubt]:
+def _distances_for_depth(objects: Sequence[Seen]) -> Iterator[Doubt]:
     """A doubt where the depth images hold distances from the camera, not z."""
     truths = [one for one in objects if one.is_truth and np.median(one.rays[one.mask]) > ASIDE]
     if truths:

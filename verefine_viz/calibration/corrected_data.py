@@ -1,4 +1,4 @@
-"""A frame whose data are put right as settings say: depth, camera, models, initial poses and masks."""
+"""Corrects the data of a frame as settings say: depth, camera, models, initial poses and masks."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from verefine_viz.observation.observed_frame import observe, segment_cloud
 
 
 def corrected(problem: Problem, data: DataSettings, scene: SceneSettings) -> Problem:
-    """The frame as ``data`` puts it right, with normals, support plane and clouds of the new images.
+    """The frame corrected as ``data`` says, with normals, support plane and clouds of the new images.
 
     Args:
-        problem: as its source reads it.
+        problem: the frame as its source reads it.
         data: what is to be put right; the ground truth stays as it is.
         scene: where gravity comes from, and how clouds are drawn.
 
@@ -45,7 +45,7 @@ def corrected(problem: Problem, data: DataSettings, scene: SceneSettings) -> Pro
     times = dict(data.model_times)
     models = {obj_id: scaled(model, times.get(obj_id, 1.0)) for obj_id, model in problem.models.items()}
     instances = tuple(_corrected(i, depth_m, camera, data, scene) for i in problem.instances)
-    # Masks of objects that are not to be solved are known in the union alone.
+    # Of objects that are not to be solved, only the union of all masks is known.
     others = seen.object_mask & ~np.any([i.mask for i in problem.instances], axis=0)
     masks = [others, *(i.mask for i in instances)]
     scene, R_world_cam = _gravity(seen, scene)
@@ -55,7 +55,7 @@ def corrected(problem: Problem, data: DataSettings, scene: SceneSettings) -> Pro
 
 @lru_cache(maxsize=64)
 def scaled(model: ObjectModel, times: float) -> ObjectModel:
-    """A model so many times as large; one object for all frames."""
+    """A model enlarged by a factor; the same Python object for all frames."""
     if times == 1:
         return model
     symmetries = [transform(T[:3, :3], times * T[:3, 3]) for T in model.symmetries]
@@ -82,7 +82,10 @@ def _corrected(
 
 
 def _gravity(seen: Observation, scene: SceneSettings) -> tuple[SceneSettings, Float | None]:
-    """Where the new frame has gravity from: what the old one had from its data set or a sensor, else its new plane."""
+    """Settings and R_world_cam (3, 3), or None, that give the new frame its gravity.
+
+    It is the old frame's where a data set or a sensor states it, else that of the new support plane.
+    """
     support = seen.support
     if support is None or support.gravity_source == "plane":
         return scene, None if seen.T_map_cam is None else seen.T_map_cam[:3, :3]

@@ -1,4 +1,4 @@
-"""Whether the depth image lies where models in their poses are, and in the right unit; else by how much it is off."""
+"""Checks whether depth lies on models in their poses, in the right unit; else measures by how much it is off."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ TAU_M = 0.020
 REACH_PX = 40
 """Largest shift that is tried [px]."""
 PIXELS = 3000
-"""Pixels of the objects that are compared."""
+"""Most pixels of the objects that are compared."""
 MEASURED = 0.3
-"""With less of the objects' pixels measured, nothing is off."""
+"""Least share of the objects' pixels with depth; below, nothing is reported."""
 GAIN = 0.06
-"""Depth is off only if putting it right raises the agreement by more than this …"""
+"""Least gain in agreement, by putting depth right, that shows it to be off …"""
 AGREES = 0.5
-"""… to more than this."""
+"""… and least agreement afterwards."""
 SURELY = 0.7
-"""A change of scale has to lead to more agreement than this: something flat in front could pass for it."""
+"""Least agreement after a change of scale: something flat in front of the objects could look like one."""
 SHIFT_PX = 3
-"""Less shift than this is noise of poses and edges [px]."""
+"""Least shift that is more than noise of poses and edges [px]."""
 SCALE = 0.015
-"""Less change of scale than this is noise of the sensor …"""
+"""Least change of scale that is more than noise of the sensor …"""
 SURE_SCALE = 0.04
-"""… and less than this no reason to doubt the unit, as sensors are off by 1 or 2 %."""
+"""… and least one that is a reason to doubt the unit, as sensors are off by 1 or 2 %."""
 
 
 @dataclass(frozen=True)
 class Registration:
-    """How the observed depth has to be changed to lie on the true one."""
+    """Change that lays the observed depth on the true one."""
 
     shift_px: tuple[int, int]
     """(right, down): where the depth of a pixel is found, relative to it [px]."""
@@ -52,7 +52,7 @@ class Registration:
 
     @property
     def is_off(self) -> bool:
-        """Whether the depth is shifted or scaled."""
+        """Whether depth is shifted or scaled."""
         changed = max(map(abs, self.shift_px)) >= SHIFT_PX or abs(self.scale - 1) >= SCALE
         return changed and self.best_agreement > AGREES and self.best_agreement - self.agreement > GAIN
 
@@ -145,7 +145,7 @@ def depth_shift_doubts(problem: Problem) -> tuple[Doubt, ...]:
 
 
 def displaced_depth(right: int, down: int, text: str) -> Doubt:
-    """Depth lies so far to the right and down [px] of where it should."""
+    """The doubt that depth lies this far to the right and down of where it should [px]."""
     return Doubt(
         DoubtKind.DEPTH_SHIFT,
         text,

@@ -1,8 +1,8 @@
-"""Whether depth, colour and masks of a frame lie on each other: their edges do, without any model or pose.
+"""Checks by their edges whether depth, colour and masks of a frame are aligned; no model or pose is needed.
 
 Objects end where depth jumps, and mostly where colours change. The outlines of all masks are laid over the edges of
-depth and of colour, and the edges of depth over those of colour, at every shift and mirrored. Two of the three that lie
-on each other show the third to be off; where no two do, nothing is doubted.
+depth and of colour, and the edges of depth over those of colour, at every shift and mirrored. Where two of the three
+are aligned, the third is off; where no two are, nothing is doubted.
 """
 
 from __future__ import annotations
@@ -19,64 +19,66 @@ from verefine_viz.core.doubt import Doubt, DoubtKind
 from verefine_viz.core.problem import Problem
 
 ROWS = 160
-"""Rows of the image in which edges are compared."""
+"""Rows of the reduced image in which edges are compared."""
 REACH = 0.1
-"""How far a displacement is sought, as a share of the image's height."""
+"""Largest displacement that is tried, as a share of the image's height."""
 JUMP = 0.02
-"""Depth jumps where it differs by this share between neighbours."""
+"""Share by which depth differs between neighbours where it jumps."""
 FEWEST, MOST_COVERED = 100, 0.25
-"""Fewer pixels of an edge are no evidence, nor are objects that fill more of the image: too little is beside them."""
+"""Fewest pixels of an edge that are evidence; and largest share of the image that objects may cover: too little is seen
+beside larger ones."""
 LIES_ON_PX, APART_PX = 8, 15
-"""Edges whose best shift is within the first lie on each other, and beside each other from the second on: sensors lose
-some pixels of depth on one side of objects."""
+"""Edges are aligned if their best shift is at most the first, and displaced from the second on: sensors lose some
+pixels of depth on one side of objects."""
 SURE, BETTER, SURE_ALONE = 1.5, 0.35, 2.5
-"""How many times as strong as elsewhere edges are under those that lie on them, how much stronger than unshifted, as a
-share; and how strong where there is no colour to agree."""
+"""Least strength of edges under others that are aligned with them, as a multiple of the mean; least gain in strength by
+the shift, as a share; and least strength where there is no colour to agree."""
 ENDS_PX, SURE_MIRRORED, MIRRORED, PLAINLY = 2, 1.4, 5.0, 1.1
-"""An object ends where a mask's outline is so near to a jump of depth; there the colours of a mirrored image change so
-many times as much as elsewhere, more than as they are by so many errors of the mean, and so many times as much."""
+"""An object ends where a mask's outline is this near to a jump of depth. Colour is mirrored if there the mirrored image
+changes this many times as much as elsewhere, and more than the given image by so many errors of the mean, and by this
+factor."""
 
 
 @dataclass(frozen=True)
 class Shift:
-    """Where edges lie best over others [px]."""
+    """The shift that aligns edges best with others [px]."""
 
     right: int
     down: int
     strength: float
-    """Strength of the edges under them, as a multiple of what it is elsewhere."""
+    """Mean strength of the other edges under the shifted ones, as a multiple of their mean over the image."""
     before: float
     """Strength without the shift."""
 
     @property
     def back(self) -> Shift:
-        """The other way round."""
+        """The opposite shift."""
         return replace(self, right=-self.right, down=-self.down)
 
     @property
     def numbers(self) -> dict[str, float]:
-        """As evidence."""
+        """The shift as numbers of a doubt."""
         return {"right_px": self.right, "down_px": self.down}
 
     @property
     def is_sure(self) -> bool:
-        """Whether the edges belong to each other."""
+        """Whether both show the same edges."""
         return self.strength > SURE
 
     @property
     def lies_on(self) -> bool:
-        """Whether both are in the same place."""
+        """Whether both are aligned as they are."""
         return self.is_sure and max(abs(self.right), abs(self.down)) <= LIES_ON_PX
 
     @property
     def is_apart(self) -> bool:
-        """Whether one is displaced."""
+        """Whether one is displaced against the other."""
         is_far = max(abs(self.right), abs(self.down)) >= APART_PX
         return self.is_sure and is_far and self.strength > (1 + BETTER) * self.before
 
 
 def edge_doubts(problem: Problem) -> tuple[Doubt, ...]:
-    """A doubt where depth, colour or the masks are displaced, or colour is mirrored, against the two others."""
+    """A doubt where one of depth, colour and masks is displaced against the others, or colour is mirrored."""
     seen = problem.observation
     step = max(1, seen.camera.height // ROWS)
     outlines = np.zeros(seen.depth_m[::step, ::step].shape, np.bool_)
@@ -87,18 +89,18 @@ def edge_doubts(problem: Problem) -> tuple[Doubt, ...]:
     n_edges = min(np.count_nonzero(outlines), np.count_nonzero(jumps > 0.5))
     if n_edges < FEWEST or seen.object_mask.mean() > MOST_COVERED:
         return ()
-    in_depth = best_shift(outlines, jumps, step)
+    in_depth = _best_shift(outlines, jumps, step)
     if seen.rgb is None:
         if not (in_depth.is_apart and in_depth.strength > SURE_ALONE):
             return ()
         advice = "check that both are of one camera and image"
         return (_beside(in_depth, f"depth lies {_where(in_depth)} of where the masks are: {advice}"),)
-    colours = colour_edges(seen.rgb[::step, ::step])
-    in_colour = best_shift(outlines, colours, step)
+    colours = _colour_edges(seen.rgb[::step, ::step])
+    in_colour = _best_shift(outlines, colours, step)
     if in_depth.is_apart and in_colour.lies_on:
         advice = "warp it into the colour camera, or check that the images belong together"
         return (_beside(in_depth, f"depth lies {_where(in_depth)} of where colour and masks are: {advice}"),)
-    if in_depth.is_apart and in_colour.is_apart and best_shift(jumps > 0.5, colours, step).lies_on:
+    if in_depth.is_apart and in_colour.is_apart and _best_shift(jumps > 0.5, colours, step).lies_on:
         advice = "check that the masks are of these images"
         text = f"masks lie {_where(in_depth.back)} of where depth and colour are: {advice}"
         return (Doubt(DoubtKind.MASK, text, "masks displaced", numbers=in_depth.back.numbers),)
@@ -107,7 +109,7 @@ def edge_doubts(problem: Problem) -> tuple[Doubt, ...]:
     if how := _mirrored(outlines, jumps > 0.5, colours):
         text = f"colour fits depth and masks once it is {how}: check whether it was {how} when it was stored"
         return (Doubt(DoubtKind.COLOUR, text, "colour mirrored"),)
-    if in_colour.is_apart and best_shift(jumps > 0.5, colours, step).is_apart:
+    if in_colour.is_apart and _best_shift(jumps > 0.5, colours, step).is_apart:
         advice = "register it to the depth image"
         text = f"colour lies {_where(in_colour)} of where depth and masks are: {advice}"
         return (Doubt(DoubtKind.COLOUR, text, numbers=in_colour.numbers),)
@@ -115,7 +117,7 @@ def edge_doubts(problem: Problem) -> tuple[Doubt, ...]:
 
 
 def _mirrored(outlines: Mask, jumps: Mask, colours: Float) -> str:
-    """How colour has to be mirrored to change where by masks and depth objects end; "" where it does, or in no way."""
+    """How to mirror colour so that it changes where masks and depth say that objects end; "" where no way is better."""
     ways = {
         "as it is": colours,
         "mirrored left to right": colours[:, ::-1],
@@ -132,8 +134,8 @@ def _mirrored(outlines: Mask, jumps: Mask, colours: Float) -> str:
     return best if is_better and mirrored > SURE_MIRRORED * colours.mean() else ""
 
 
-def best_shift(edges: Mask, others: Float, step: int) -> Shift:
-    """The shift of ``edges`` (h, w) under which ``others`` (h, w) are strongest, whose pixels are ``step`` wide."""
+def _best_shift(edges: Mask, others: Float, step: int) -> Shift:
+    """The shift of ``edges`` (h, w) under which ``others`` (h, w) are strongest; their pixels are ``step`` px wide."""
     reach, inside = int(REACH * edges.shape[0]), np.ones_like(others)
     shape = (edges.shape[0] + 2 * reach, edges.shape[1] + 2 * reach)
     # The margin keeps shifts within reach from wrapping around.
@@ -151,7 +153,7 @@ def best_shift(edges: Mask, others: Float, step: int) -> Shift:
 
 
 def depth_edges(depth_m: NDArray[np.floating]) -> Float:
-    """How much depth (h, w) jumps at each pixel, 0 to 1; in gaps halfway between what was measured beside them."""
+    """How much depth (h, w) jumps at each pixel, 0 to 1; the jump across a gap is in its middle."""
     if not (depth_m > 0).any():
         return np.zeros(depth_m.shape)
     nearest = ndimage.distance_transform_edt(depth_m <= 0, return_distances=False, return_indices=True)
@@ -160,8 +162,8 @@ def depth_edges(depth_m: NDArray[np.floating]) -> Float:
     return np.clip(jump / JUMP - 0.5, 0, 1)
 
 
-def colour_edges(rgb: NDArray[np.uint8]) -> Float:
-    """How much colours (h, w, 3) change at each pixel, by rank, 0 to 1."""
+def _colour_edges(rgb: NDArray[np.uint8]) -> Float:
+    """How much colours (h, w, 3) change at each pixel, as its rank in the image, squared, 0 to 1."""
     grey = ndimage.gaussian_filter(rgb.astype(np.float64), (1, 1, 0))
     change = np.sqrt(sum(ndimage.sobel(grey, axis) ** 2 for axis in (0, 1))).sum(axis=2)
     ranks = np.empty(change.size)

@@ -1,9 +1,9 @@
-"""How much larger than its model in a known pose an object appears in the image, and how far beside it.
+"""Measures how much larger than its model in a known pose an object appears in the image, and how far beside it.
 
-The outline of an object's mask is laid over that of the drawn model by a shift and a factor of size. Outlines are
-compared, not areas, so that what hides a part of the object, or the border of the image, costs only that part of the
-outline; and how well they then lie on each other shows whether a mask has another shape or another size. In a second
-fit, width and height get a factor each: where one focal length alone is wrong, the mask is of another shape.
+A shift and a factor of size lay the outline of the drawn model over that of the object's mask. Outlines are compared,
+not areas: what hides a part of the object, or the border of the image, then costs only that part of the outline. How
+well the outlines agree after the fit tells a mask of another shape from one of another size. In a second fit, width and
+height get a factor each: where one focal length alone is wrong, the mask is of another shape.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.rendering.rasterizer import draw_depth
 
 SIDE, MARGIN = 96, 30
-"""Pixels along the longer side of the drawn model, and around it, where distances to its outline are known."""
+"""Pixels along the longer side of the drawn model; and pixels around it in which distances to its outline are known."""
 FEWEST, POINTS, OUTLIER = 30, 200, 0.01
-"""Places on an outline that are compared, at least and at most; those further off (share of its size) count less."""
+"""Fewest and most places on an outline that are compared; and distance, a share of size, from which they count less."""
 SAME_DEPTH, MOST_OF = 0.03, 0.5
-"""Ratios of depths that differ by less are the same; so large a share of the pixels must agree on one."""
+"""Share by which equal ratios of depth may differ; and least share of the pixels that must agree on one."""
 STEP_M, BORDER_PX = 0.015, 3
-"""What is nearer than the object by more hides it [m]; so near to it, or to the border, the outline is not its own."""
+"""What is nearer than the object by more than this hides it [m]; and distance from such a place, or from the border,
+within which the outline is not the object's own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,23 +47,23 @@ class DrawnModel:
     box_px: Float  # (2,) the model's width and height
 
     def rows_columns(self, places: NDArray, factors: Float, shift_px: Float) -> Float:
-        """(2, N) where pixels (N, 2) of the camera's image lie on the drawing, enlarged and shifted."""
+        """Rows and columns (2, N) in the drawing, enlarged and shifted, of pixels (N, 2) of the camera's image."""
         pixels = (places - self.middle_px - shift_px) / factors + self.middle_px
         return ((pixels - self.corner_px) / self.pitch).T[::-1]
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineFit:
-    """What lays the outline of a drawn model over that of a mask; errors are shares."""
+    """Shift and factor that lay the outline of a drawn model over that of a mask; errors are shares."""
 
     drawn: DrawnModel
     camera: Camera
     origin_px: Float  # (2,) where the model's origin is seen
-    shift_px: Float  # (2,) of the drawn model's middle to where the mask has it
-    factor: float  # the mask is so many times as large
+    shift_px: Float  # (2,) from the middle of the drawn model to the middle of the mask
+    factor: float  # size of the mask over size of the drawing
     error: float  # of the factor
     depth: float  # measured over drawn depth at the same places (median); NaN without any, or without a common ratio
-    gain: float  # so much more of the drawn depth was measured where the mask has the object than where it is drawn
+    gain: float  # share of the drawn depth that was measured where the mask is, less the share where the model is
     fit_sides: Callable[[], tuple[Float, Float]]  # logarithms of width, height and shift, and their errors
 
     @cached_property
@@ -71,12 +72,12 @@ class OutlineFit:
 
     @property
     def sides(self) -> Float:
-        """(2,) the mask is so many times as wide, and as high, where the two may differ; fitted when asked for."""
+        """(2,) width and height of the mask over those of the drawing, fitted apart, when asked for."""
         return np.exp(self._fitted[0][:2])
 
     @property
     def sides_error(self) -> float:
-        """Error of the sides."""
+        """The larger error of the two sides."""
         return float(max(self._fitted[1][:2]))
 
 
@@ -95,10 +96,10 @@ def fit_outline(
     inside = np.argwhere(mask)[:, ::-1]
 
     def distances(x: Float) -> Float:
-        """(N,) of places to the drawn outline, ``np.exp(x[:2])`` times as wide and high and shifted, in sizes of it."""
+        """Distances (N,) of places to the drawn outline, enlarged by ``np.exp(x[:2])`` and shifted, in sizes of it."""
         at = drawn.rows_columns(places, np.exp(x[:2]), x[2:] * drawn.size_px)
         outside_px, *slope = (ndimage.map_coordinates(one, at, order=1, mode="nearest") for one in drawn.outside)
-        # So many pixels across the enlarged outline are one across that of the drawing.
+        # Pixels across the enlarged outline for one pixel across that of the drawing.
         across = (np.hypot(*slope) + 1e-9) / (np.hypot(*(slope / np.exp(x[:2])[:, None])) + 1e-9)
         # The last pixels of a mask lie half a pixel inside of its outline.
         return (across * outside_px + 0.5) / drawn.size_px
@@ -118,7 +119,7 @@ def fit_outline(
 
 
 def _least_squares(residuals: Callable[[Float], Float], start: Float) -> tuple[Float, Float]:
-    """Parameters (k,) and what each is uncertain by; infinite where nothing holds them."""
+    """Parameters (k,) and the error of each; infinite where the places do not determine them."""
     x = optimize.least_squares(residuals, start, loss="soft_l1", f_scale=OUTLIER, max_nfev=60).x
     slopes = np.stack([(residuals(x + step) - residuals(x - step)) / 2e-3 for step in 1e-3 * np.eye(len(x))], axis=1)
     system = slopes.T @ slopes
@@ -128,7 +129,7 @@ def _least_squares(residuals: Callable[[Float], Float], start: Float) -> tuple[F
 
 
 def _draw(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> DrawnModel | None:
-    """A model in its pose; None where nothing of it is in front of the camera, or it is too near."""
+    """Draw a model in its pose; None where no part is in front of the camera, or some part is too near."""
     points_cam = apply(T_cam_obj, model.vertices)
     if points_cam[:, 2].min() < 0.05 or T_cam_obj[2, 3] <= 0:
         return None
@@ -153,7 +154,7 @@ def _draw(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> DrawnModel | 
 
 
 def _own_outline(mask: Mask, others: Mask, depth_m: NDArray[np.float32]) -> Float:
-    """Pixels (N, 2) = (u, v) of a mask's outline where the object itself ends, not what is seen of it."""
+    """Pixels (N, 2) = (u, v) of a mask's outline where the object itself ends, rather than the part that is seen."""
     pixels = np.argwhere(mask)
     corner = np.maximum(pixels.min(axis=0) - 3 * BORDER_PX, 0)
     box = tuple(slice(*ends) for ends in zip(corner, pixels.max(axis=0) + 3 * BORDER_PX + 1, strict=True))
@@ -172,7 +173,7 @@ def _own_outline(mask: Mask, others: Mask, depth_m: NDArray[np.float32]) -> Floa
 def _depth_ratio(
     drawn: DrawnModel, inside: NDArray[np.integer], factor: float, shift_px: Float, depth_m: NDArray[np.float32]
 ) -> float:
-    """Measured over drawn depth (median) at pixels (N, 2) of a mask that lies over the enlarged and shifted model."""
+    """Median of measured over drawn depth at pixels (N, 2) of a mask, with the model enlarged and shifted onto it."""
     some = inside[:: max(1, len(inside) // POINTS)]
     at = np.rint(drawn.rows_columns(some, np.full(2, factor), shift_px)).astype(int)
     rows, columns = np.clip(at.T, 0, np.array(drawn.depth_m.shape) - 1).T
@@ -184,7 +185,7 @@ def _depth_ratio(
 
 
 def _share_measured(drawn: DrawnModel, shift_px: Float, depth_m: NDArray[np.float32]) -> float:
-    """Share of the measured depth that is that of the drawn model, moved by ``shift_px`` (2,); 0 without any."""
+    """Share of the measured depth that agrees with the drawn model, moved by ``shift_px`` (2,); 0 without any."""
     some = np.argwhere(drawn.depth_m > 0)
     some = some[:: max(1, len(some) // POINTS)]
     places = np.rint(some[:, ::-1] * drawn.pitch + drawn.corner_px + shift_px).astype(int)[:, ::-1]

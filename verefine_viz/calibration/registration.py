@@ -1,7 +1,8 @@
-"""Whether the colour image lies on the depth image: where the print of models in their poses is in the picture.
+"""Checks whether the colour image is registered to the depth image, by the colours of models in their poses.
 
-The colours of a model under its pose agree best with the image where both are registered. The correlation's peak may be
-a pixel off, as poses are; further off in the same direction for all objects, the colour image is displaced.
+The colours of a model in its pose correlate best with the image without a shift if both are registered. The peak may be
+a pixel off, as poses are; where it is further off, and in the same direction for all objects, the colour image is
+displaced.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from verefine_viz.rendering.colour import SIGMA_PX, opponent
 from verefine_viz.rendering.rendered_scene import render_scene
 
 REACH_PX = 10
-"""How far a displacement is sought [px]."""
+"""Largest displacement that is tried [px]."""
 OFF_PX, BETTER = 2.0, 0.05
-"""Least displacement that is reported [px], and how much more the colours correlate with it than without."""
+"""Least displacement that is reported [px], and least gain in correlation by it."""
 SURE, FEWEST = 0.4, 2
-"""Least correlation of an object whose colours are evidence, and how many such objects it takes: the print of a single
-one may lie elsewhere on its model, or its pose be off."""
+"""Least correlation of an object whose colours are evidence; and fewest such objects, as the print of a single one may
+lie elsewhere on its model, or its pose be off."""
 NEAR_M = 0.02
-"""Depth within this of the model's is the model's [m]."""
+"""Largest difference of measured and drawn depth of a pixel that shows the model [m]."""
 FEWEST_PX = 400
-"""Fewer pixels of an object are no evidence."""
+"""Fewest pixels of an object that are evidence."""
 
 
 def registration_doubts(problem: Problem, poses: Sequence[Float | None]) -> tuple[Doubt, ...]:
@@ -36,7 +37,7 @@ def registration_doubts(problem: Problem, poses: Sequence[Float | None]) -> tupl
 
     Args:
         problem: the frame.
-        poses: T_cam_obj (4, 4) of each target, None where there is none.
+        poses: T_cam_obj (4, 4) of each target; None = it has no pose.
     """
     sure = colour_fits(problem, poses)
     if len(sure) < FEWEST:
@@ -57,16 +58,16 @@ def registration_doubts(problem: Problem, poses: Sequence[Float | None]) -> tupl
 
 
 def colour_fits(problem: Problem, poses: Sequence[Float | None]) -> list[NDArray[np.float64]]:
-    """The correlations (2 R + 1, 2 R + 1) by displacement of the objects whose colours are evidence; the check takes
-    ``FEWEST``. Arguments as those of :func:`registration_doubts`.
+    """Correlations (2 R + 1, 2 R + 1) by displacement of each object whose colours are evidence; the check needs
+    ``FEWEST``. The arguments are those of :func:`registration_doubts`.
     """
     fits = [_fits(t, T) for t, T in zip(problem.targets, poses, strict=True) if T is not None]
     return [one for one in fits if one is not None and one.max() >= SURE]
 
 
 def _fits(target: Target, T_cam_obj: Float) -> NDArray[np.float64] | None:
-    """(2 R + 1, 2 R + 1) correlation of an object's colours with the image displaced down and right by −R … R =
-    ``REACH_PX`` [px]; None where too few pixels show it.
+    """Correlation (2 R + 1, 2 R + 1) of an object's colours with the image displaced down and right by −R … R px, R =
+    ``REACH_PX``; None where too few pixels show the object.
     """
     observation = target.observation
     if observation.rgb is None or not target.model.has_colors:

@@ -1,4 +1,4 @@
-"""An object in a small image: where its model is drawn in a pose, and how much of what was measured lies there."""
+"""Draws an object in a pose in a small image, and measures how much of the depth lies there."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from verefine_viz.rendering.rasterizer import draw_depth
 
 TRUTH = "ground truth"
 MOST, ROWS = 5, 160
-"""Objects that are looked at, those with the largest masks, and rows of the image in which they are drawn."""
+"""Most objects that are checked, those with the largest masks; and rows of the image in which they are drawn."""
 NEAR_M, NEAR, NEAR_INITIAL = 0.015, 0.06, 0.3
-"""Depth this near to a model is its own: at least [m], as a share of its diameter, and the same at an initial pose,
-which may be off."""
+"""Distance from a model within which depth is its own: least [m], as a share of its diameter, and as such a share at an
+initial pose, which may be off."""
 NEAR_AWAY = 0.02
-"""Depth is off by this share of the distance at times."""
+"""Share of the distance by which depth may be off."""
 FEWEST_PX = 12
-"""A mask with fewer pixels, of the smaller image, shows nothing."""
+"""Fewest pixels of a mask, in the smaller image, that are evidence."""
 
 
 @lru_cache(maxsize=64)
 def mesh_of(model: ObjectModel, times: float = 1.0) -> RenderMesh:
-    """A model so many times as large, to be drawn."""
+    """The mesh of a model enlarged by ``times``, to be drawn."""
     return render_mesh(times * model.vertices, model.faces)
 
 
 @lru_cache(maxsize=64)
-def length_m(model: ObjectModel) -> float:
+def _length_m(model: ObjectModel) -> float:
     """Distance from one end of a model's mesh to the other [m]."""
     from_middle = np.linalg.norm(model.vertices - model.vertices.mean(axis=0), axis=1)
     end = model.vertices[int(from_middle.argmax())]
@@ -43,15 +43,15 @@ def length_m(model: ObjectModel) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """An object in a frame, in a smaller image."""
+    """An object at a pose in a frame, in a smaller image."""
 
     instance_id: int
     name: str
     model: ObjectModel
     T_cam_obj: Float
-    """(4, 4), where it should be."""
+    """The pose (4, 4) that is checked."""
     source: str
-    """What says so: "ground truth", or an estimator."""
+    """Origin of the pose: "ground truth", or an estimator."""
     mask: Mask
     """(h, w)."""
     depth_m: NDArray[np.float32]
@@ -61,9 +61,9 @@ class Seen:
     K: Float
     """(3, 3) of the smaller image."""
     near: float
-    """Depth this near to the model is its own, as a share of the diameter."""
+    """Distance from the model within which depth is its own, as a share of the diameter."""
     model_times: float = 1.0
-    """Its model counts as so many times as large."""
+    """Factor by which its model is enlarged."""
 
     @property
     def is_truth(self) -> bool:
@@ -72,8 +72,8 @@ class Seen:
 
     @property
     def diameter_m(self) -> float:
-        """Diameter of the mesh, as large as it counts [m]: the one that a data set states may be wrong as well."""
-        return length_m(self.model) * self.model_times
+        """Diameter of the enlarged mesh [m]; the one that a data set states may be wrong too."""
+        return _length_m(self.model) * self.model_times
 
     @cached_property
     def away_m(self) -> float:
@@ -93,16 +93,16 @@ class Seen:
 
     @property
     def size(self) -> float:
-        """What its mask covers, as a share of the diameter: at most about 1, whatever the pose, if both are right."""
+        """Length of its mask as a share of the diameter: at most about 1, whatever the pose, if both are right."""
         return self.covered_m / self.diameter_m
 
     @property
     def near_m(self) -> float:
-        """Depth is the model's where it is nearer to it than this; no more than is right for what the mask covers."""
+        """Distance from the model within which depth is its own [m]; limited by the length of the mask."""
         return max(NEAR_M, self.near * min(self.diameter_m, self.covered_m), NEAR_AWAY * self.away_m)
 
     def drawn_m(self) -> NDArray[np.float32]:
-        """The depth (h, w) of the model in its pose, 0 beside it."""
+        """Depth (h, w) of the model drawn in its pose [m], 0 beside it."""
         out = np.zeros(self.mask.shape, np.float32)
         mesh = mesh_of(self.model, self.model_times)
         fx, fy, cx, cy = (float(self.K[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
@@ -110,9 +110,9 @@ class Seen:
         return out
 
     def fit(self) -> float:
-        """The share of the pixels of mask and drawing where both are, and depth is the model's.
+        """Share of the pixels of mask and drawing that both have and where depth is the model's.
 
-        Where nothing was measured, pixels count as those do where something was: as many lie near, as many are hidden.
+        Pixels without depth count like those with depth: the same share of them lies near, or is hidden.
         """
         drawn_m = self.drawn_m()
         drawn, measured = drawn_m > 0, self.depth_m > 0
@@ -123,25 +123,25 @@ class Seen:
         return near * n_both / max(np.count_nonzero(self.mask) + (1 - hidden) * n_beside, 1)
 
     def error_m(self) -> float:
-        """The median distance of measured from drawn depth [m] where both are; infinite where they nowhere are."""
+        """Median difference of measured and drawn depth [m] where both exist; infinite where they nowhere do."""
         drawn_m = self.drawn_m()
         both = self.mask & (drawn_m > 0) & (self.depth_m > 0)
         return float(np.median(np.abs(drawn_m - self.depth_m)[both])) if both.any() else np.inf
 
     def depth_ratio(self) -> float:
-        """How many times as large depth is as drawn where both are (median); NaN where they nowhere are."""
+        """Median of measured over drawn depth where both exist; NaN where they nowhere do."""
         drawn_m = self.drawn_m()
         both = self.mask & (drawn_m > 0) & (self.depth_m > 0)
         return float(np.median(self.depth_m[both] / drawn_m[both])) if both.any() else float("nan")
 
     def agreement(self) -> float:
-        """The share of the drawn pixels where the model's depth was measured, whatever the mask has."""
+        """Share of the drawn pixels with depth where it is the model's, whatever the mask."""
         drawn_m = self.drawn_m()
         is_near = np.abs(drawn_m - self.depth_m) < max(NEAR_M, NEAR * self.diameter_m)
         return _share(is_near, (drawn_m > 0) & (self.depth_m > 0))
 
     def beside_scaled(self) -> float:
-        """The share of the mask beside a drawing that is as large, and has its middle in the same place."""
+        """Share of the mask outside of the drawing, once the drawing has the same area and the same middle."""
         n_drawn = max(np.count_nonzero(self.drawn_m()), 1)
         times = self.model_times * np.sqrt(np.count_nonzero(self.mask) / n_drawn)
         drawn = replace(self, model_times=float(times)).drawn_m() > 0
@@ -151,7 +151,7 @@ class Seen:
         return _share(~np.roll(drawn, (down, right), axis=(0, 1)), self.mask)
 
     def is_elsewhere(self) -> bool:
-        """Whether its pose lies further than the model is large from what was measured in the mask."""
+        """Whether its pose is further from the depth in the mask than the model is large."""
         v, u = np.nonzero(self.mask & (self.depth_m > 0))
         pixel = np.array([np.median(u), np.median(v), 1.0])
         middle_cam = (
@@ -161,7 +161,7 @@ class Seen:
         return float(np.linalg.norm(middle_cam - seen_cam)) > self.diameter_m
 
     def n_borders(self) -> int:
-        """How many borders of the image its mask reaches; beyond them it may go on."""
+        """Number of image borders that its mask reaches; the object may go on beyond them."""
         edges = (self.mask[0], self.mask[-1], self.mask[:, 0], self.mask[:, -1])
         return sum(bool(edge.any()) for edge in edges)
 
@@ -187,6 +187,6 @@ def seen_objects(problem: Problem, poses: Mapping[int, Float], source: str) -> l
 
 
 def _share(of: Mask, among: Mask) -> float:
-    """Share of the pixels ``among`` which it holds; 0 without any."""
+    """Share of the pixels ``among`` that are in ``of`` as well; 0 without any."""
     n = np.count_nonzero(among)
     return np.count_nonzero(of & among) / n if n else 0.0

@@ -1,4 +1,4 @@
-"""What ``verefine-viz datasets check`` does: what a BOP folder has, what is damaged, and whether it fits together."""
+"""Carries out ``verefine-viz datasets check``: what a BOP folder has, what is damaged, and whether it fits together."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from verefine_viz.scenes.bop_source import BopSource
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
 
 N_OPENED = 40
-"""Frames of a split that are opened, spread evenly: about half a second each."""
+"""Most frames of a split that are opened, spread evenly: about half a second each."""
 MOST_FAULTS = 3
-"""Faults of one kind that are named."""
+"""Most faults of one kind that are named."""
 
 
 def check_split(folder: Path, split: str, sensor: str = "") -> Parts:
@@ -174,7 +174,7 @@ def _check_masks(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) 
 
 
 def _check_truths(dataset: BopDataset, frames: Sequence[FrameIds], opened: Sequence[FrameIds], parts: Parts) -> None:
-    """Add what is there and what is wrong; an entry, or a frame, that is damaged does not stop the others."""
+    """Add what the split has and what is wrong; a damaged entry or frame does not stop the others."""
     truths: list[Sequence[GroundTruth]] = []
     damage: list[str] = []
     for ids in opened:
@@ -202,7 +202,7 @@ def _check_truths(dataset: BopDataset, frames: Sequence[FrameIds], opened: Seque
 
 
 def _check_scoring(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
-    """Whether BOP scores find what they need besides images; what they would refuse is reported in their words.
+    """Check whether BOP scores find what they need besides images; refusals are reported in their words.
 
     Without a targets file they ask for all frames of the split, of which those that are ``opened`` stand for all.
     """
@@ -225,7 +225,7 @@ def _check_scoring(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts
 
 
 def _check_plausibility(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
-    """Ask whether images, models, masks and poses fit together, as where a frame is opened to be solved.
+    """Check whether images, models, masks and poses fit together, as when a frame is opened to be solved.
 
     The poses are ground truth, else those of the results files that lie in the folder, as in one of kept frames.
     """
@@ -251,7 +251,7 @@ def _check_plausibility(dataset: BopDataset, opened: Sequence[FrameIds], parts: 
         initial = HypothesesSettings(source="results", files=results)
     checked: list[str] = []
     doubts: dict[str, dict[str, str]] = {}
-    """By what would fit, the doubt in each frame."""
+    """Doubts of the frames, grouped by what would fit."""
     try:
         source = BopSource(scene, initial)
     except VerefineError as error:
@@ -277,7 +277,7 @@ def _check_plausibility(dataset: BopDataset, opened: Sequence[FrameIds], parts: 
 
 
 def _in_frames(doubts: dict[str, str], n_checked: int) -> str:
-    """One sentence for what is doubted in several frames."""
+    """One sentence for a doubt in several frames."""
     frame, doubt = next(iter(doubts.items()))
     every = "all " if len(doubts) == n_checked else ""
     return f"in {frame}: {doubt}" if len(doubts) == 1 else f"in {every}{len(doubts)} frames, such as {frame}: {doubt}"

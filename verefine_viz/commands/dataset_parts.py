@@ -1,4 +1,4 @@
-"""What a split of a data set has, and what can be run on it."""
+"""Parts of a data set's split, and what can be run with them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class CheckRow:
     name: str
     result: str
     advice: str = ""
-    """Empty where nothing needs to be done."""
+    """What to do; empty where nothing needs to be done."""
     is_checked: bool = True
-    """False where something else has to be mended first; ``result`` says what."""
+    """Whether it was checked; if not, ``result`` says what has to be mended first."""
 
     @property
     def cells(self) -> tuple[str, str, str]:
@@ -30,14 +30,14 @@ class CheckRow:
 
 @dataclass
 class Parts:
-    """What a split has; decides what can be run on it."""
+    """Parts that a split has, which decide what can be run on it."""
 
     before_all: str = ""
-    """What is missing without which nothing else could be checked, and why; empty = nothing."""
+    """A missing part without which nothing else could be checked, and why; empty = none."""
     models: bool = False
     depth: bool = False
     masks: tuple[str, ...] = ()
-    """Which of mask_visib, mask and detections files there are."""
+    """The kinds of masks that exist: mask_visib, mask and detections files."""
     detections: bool = False
     """Whether some of the masks are detections, which name their object."""
     ground_truth: bool = False
@@ -53,7 +53,7 @@ class Parts:
         self.findings.append(CheckRow(name, result, advice))
 
     def skip(self, name: str, why: str) -> None:
-        """Adds a row of what was not checked."""
+        """Add a row for a part that was not checked."""
         self.findings.append(CheckRow(name, why, is_checked=False))
 
     @property
@@ -63,7 +63,7 @@ class Parts:
 
 
 def runnable_parts(parts: Parts) -> list[tuple[str, str]]:
-    """Pairs of something that can be done and what is missing for it ("" = nothing)."""
+    """Tasks, and what is missing for each ("" = nothing)."""
     damaged = f"ground truth that can be read ({parts.damaged_ground_truth})" if parts.damaged_ground_truth else ""
     unnamed = damaged or "what says which object is where: scene_gt.json, or a detections JSON"
     scored = [what for what, there in (("models", parts.models), ("depth", parts.depth)) if not there]

@@ -128,7 +128,7 @@ def _fetch(name: str, folder: Path) -> int:
 
 
 def _fetch_instructions(entry: PublicDataset, folder: Path) -> list[str]:
-    """What to do without huggingface_hub, a line each."""
+    """Instructions for users without huggingface_hub, line by line."""
     if not entry.archives:
         return [entry.instructions]
     first, *others = entry.archives
@@ -140,7 +140,7 @@ def _fetch_instructions(entry: PublicDataset, folder: Path) -> list[str]:
 
 
 def _download(entry: PublicDataset, folder: Path) -> list[Path]:
-    """Downloads the archives of a data set next to its folder; those that are there already are skipped.
+    """Download the archives of a data set next to its folder; archives that exist are skipped.
 
     Raises:
         UnavailableError: huggingface_hub is not installed, the hub cannot be reached, or it does not have the data set.
@@ -173,7 +173,7 @@ def _download(entry: PublicDataset, folder: Path) -> list[Path]:
 
 
 def _check(folder: Path, sensor: str) -> int:
-    """0 where no part needs a look, else 1; the last line says so."""
+    """Print what a check found; exit code 0 where no part needs attention, else 1."""
     from rich.markup import escape
 
     from verefine_viz.commands.dataset_check import check_split

@@ -1,4 +1,4 @@
-"""What ``doctor`` checks: one function per row of its table."""
+"""Checks of ``doctor``: one function per row of its table."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Check:
     result: str
     ok: bool = True
     needed: bool = True
-    """False: something works less well without it, but everything else does."""
+    """Whether the program needs it; if not, some part works less well without it."""
     advice: str = ""
 
     @property
@@ -77,7 +77,7 @@ def python() -> Check:
 
 
 def packages() -> Check:
-    """Versions of what decides about results."""
+    """Versions of the packages that results depend on."""
     versions = package_versions()
     missing = [name for name, version in versions.items() if version == "missing"]
     text = ", ".join(f"{name} {version}" for name, version in versions.items())
@@ -98,7 +98,7 @@ def opengl() -> Check:
 
 
 def bullet() -> Check:
-    """Whether the simulator opens a world."""
+    """Whether the simulator can create a world."""
     from verefine_viz.physics.simulator import BulletSimulator
 
     BulletSimulator(PhysicsSettings())
@@ -158,7 +158,7 @@ def renderer_self_check() -> Check:
 
 
 def score_self_check() -> Check:
-    """Both renderers score the pose that was observed, and one half of τ behind it, as worked out on paper."""
+    """Whether both renderers score the observed pose, and one half of τ behind it, as calculated by hand."""
     from verefine_viz.rendering.cpu_verifier import CpuVerifier
     from verefine_viz.rendering.gl_context import gl_info
     from verefine_viz.rendering.gl_verifier import GlVerifier
@@ -180,7 +180,7 @@ def score_self_check() -> Check:
 
 
 def simulator_self_check() -> Check:
-    """A box in the air falls for three steps."""
+    """Whether a box in the air falls as calculated for three steps."""
     from verefine_viz.physics.simulator import BulletSimulator
 
     started = time.perf_counter()

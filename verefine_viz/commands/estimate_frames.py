@@ -26,7 +26,7 @@ from verefine_viz.run.data_folder import open_session
 from verefine_viz.run.record import Answer
 
 WITHOUT_POSE = ("left_out", "no_answer")
-"""Status of an object without a pose; what can be mended comes first."""
+"""Status of objects without a pose, those that can be mended first."""
 MOST_SHOWN = 10
 """Objects without a pose that are named; the others are counted."""
 
@@ -34,7 +34,7 @@ MOST_SHOWN = 10
 def write_pools(
     path: Path, out: Path, overrides: Mapping[str, Any], n_workers: int = 1, retry_failed: bool = False
 ) -> int:
-    """Estimates every frame of the session at ``path`` into the results file ``out``; the exit code.
+    """Estimate every frame of the session at ``path`` into the results file ``out``; return the exit code.
 
     Frames that fail and objects whose files cannot be read are listed and make it 1; the others are written. Without a
     hypothesis in any frame there is nothing to write. Beside ``out`` lies a journal while something is missing,
@@ -71,7 +71,7 @@ def write_pools(
 
 
 def _only_estimating(session: Session) -> Session:
-    """The session without what estimators do not need, and what could only fail: simulator, order, tracking."""
+    """The session without settings that estimators do not need and that could fail: simulator, order, tracking."""
     physics = structs.replace(session.physics, enabled=False)
     method = structs.replace(session.method, track=False)
     return structs.replace(session, physics=physics, dependency=DependencySettings(), method=method)

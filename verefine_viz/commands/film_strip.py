@@ -19,13 +19,13 @@ ENDINGS = (".png", ".gif")
 @dataclass(frozen=True)
 class FilmCommand:
     """Tell how an answer came about, and what is wrong with it, in four to six pictures: a strip (PNG) or an animation
-    (GIF). Nothing of a recorded run is run again.
+    (GIF). A recorded run is not run again.
     """
 
     what: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
     """A recorded run (.vfrun, .rrd), the folder of a batch or of traces, or a session, which is run to its end."""
     out: Path = Path("film.png")
-    """The file; its ending says which: .png, a strip of all pictures, or .gif, one after the other."""
+    """The file to write: .png for a strip of all pictures, .gif for one picture after the other."""
     frame: Annotated[str | None, tyro.conf.arg(metavar="SCENE/IMAGE")] = None
     """Which frame of a folder; none = the one with the worst answer of a batch, else the first."""
     instance: int | None = None

@@ -1,4 +1,4 @@
-"""``verefine-viz fix``: what each cause names as its remedy, tried on the answers of a batch."""
+"""``verefine-viz fix``: tries the remedies of each cause on the answers of a batch."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ Every setting of a session file is an option too, and wins over the file: --meth
 {sections}.
 """
 NOT_OPTIONS = ("edits", "tracked", "starts", "changes", "waiting")
-"""What the page saves: lists of tables, too long to type, and thresholds that are switched off."""
+"""Fields that are no options: lists of tables, which are too long to type, and thresholds that are switched off."""
 
 
 def _flags_of(settings: Struct) -> Any:
@@ -62,11 +62,11 @@ SECTIONS: dict[str, Any] = {f.name: f for f in dataclasses.fields(SessionFlags) 
 """The fields of :data:`SessionFlags` that are groups of settings, by name."""
 
 AnySettings = Annotated[Any, tyro.conf.arg(name="", constructor=SessionFlags), tyro.conf.FlagConversionOff]
-"""The type of a command's field that takes all of them."""
+"""The type of a command's field that takes all options of a session."""
 
 
 def show_help(command: type, prog: str, words: Sequence[str]) -> None:
-    """Shows what ``--help`` or ``--help-settings`` asks for and ends; does nothing where neither is among ``words``.
+    """Show the help that ``--help`` or ``--help-settings`` asks for and exit; do nothing where ``words`` has neither.
 
     ``--help`` fits on a screen: the settings, hundreds of lines, are shown by ``--help-settings`` only.
 
@@ -141,7 +141,7 @@ MOST_MEMORY_GB = 100_000
 
 
 def check_workers(n: int) -> None:
-    """Raises SettingsError where there are none, or more than this machine can use."""
+    """Raise SettingsError where there are no workers, or more than this machine can use."""
     if n < 1:
         raise SettingsError(f"--workers is {n}, expected 1 or more")
     cores = os.cpu_count() or 1
@@ -153,7 +153,7 @@ def check_workers(n: int) -> None:
 
 
 def check_seeds(n: int | None) -> None:
-    """Raises SettingsError where a number is given that is below 1 or above :data:`MOST_SEEDS`."""
+    """Raise SettingsError where a number is given that is below 1 or above :data:`MOST_SEEDS`."""
     if n is not None and n < 1:
         raise SettingsError(f"--seeds is {n}, expected 1 or more")
     if n is not None and n > MOST_SEEDS:
@@ -161,7 +161,7 @@ def check_seeds(n: int | None) -> None:
 
 
 def check_memory(gigabytes: float | None) -> None:
-    """Raises SettingsError where an amount is given that is not above 0, or is above :data:`MOST_MEMORY_GB`."""
+    """Raise SettingsError where an amount is given that is not above 0, or is above :data:`MOST_MEMORY_GB`."""
     if gigabytes is None:
         return
     if not gigabytes > 0:

@@ -42,7 +42,7 @@ class LabelCommand:
     overwrite: bool = False
     """With --write: move ground truth that is there aside."""
     host: str = "127.0.0.1"
-    """As of view."""
+    """Another address at which the page is reached, as for view."""
     port: int = 8080
     """Port to listen on; 0 = any free one."""
     open_browser: bool = True
@@ -61,7 +61,7 @@ class LabelCommand:
         return page.serve(session)
 
     def _labels(self) -> Path | None:
-        """The folder of labels.json; None where the frames are in no folder, which is said by who opens them."""
+        """The folder of labels.json; None where the frames are in no folder, which is reported when they are opened."""
         from verefine_viz.labels.label_folder import folder_of_labels
 
         if self.out is not None:

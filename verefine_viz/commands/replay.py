@@ -16,7 +16,7 @@ from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
 from verefine_viz.core.text_format import say
 
 DIFFERS, CANNOT, ENDED_EARLY = 1, 2, 3
-"""Exit codes of --verify; the last is for a recording that is the same as far as it goes, but was stopped early."""
+"""Exit codes of --verify; the last is for a recording without a difference that was stopped early."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class ReplayCommand:
 
 
 def _check_file(recording: Path) -> None:
-    """Raises InputError where it is a folder; that of a batch is answered with where its recordings are."""
+    """Raise InputError where the path is a folder; for a batch folder the error says where its recordings are."""
     if recording.is_dir():
         from verefine_viz.batch.index import batch_of, named_runs
 
@@ -68,7 +68,7 @@ def _check_file(recording: Path) -> None:
 
 
 def _draw(paths: Sequence[Path], out: Path | None, n_workers: int) -> int:
-    """0: all are drawn; 1: some are not."""
+    """Draw recordings; exit code 0: all are drawn, 1: some are not."""
     from dataclasses import replace
 
     from verefine_viz.batch.draw_recordings import draw_recordings, to_draw
@@ -94,7 +94,7 @@ def _draw(paths: Sequence[Path], out: Path | None, n_workers: int) -> int:
 
 
 def _verify_all(recordings: Sequence[Path]) -> int:
-    """The exit code of the worst."""
+    """Verify all recordings; return the exit code of the worst."""
     if len(recordings) == 1:
         return _verify(recordings[0])
     codes = set[int]()
@@ -108,7 +108,7 @@ def _verify_all(recordings: Sequence[Path]) -> int:
 
 
 def _verify(recording: Path) -> int:
-    """0: the same; 1: it differs; 3: the same as far as it goes, but its end is missing."""
+    """Verify a recording; exit code 0: no difference, 1: a difference, 3: no difference, but its end is missing."""
     from verefine_viz.batch.solve_frame import end_again
     from verefine_viz.recording.verify import run_again, verify
     from verefine_viz.run.engine import Run

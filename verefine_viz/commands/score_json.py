@@ -14,7 +14,7 @@ from verefine_viz.evaluation.results_scores import Evaluation
 
 
 def evaluation_json(evaluation: Evaluation) -> dict[str, Any]:
-    """All numbers of an evaluation; what is infinite or unknown is null, as is a score over an own part of all."""
+    """All numbers of an evaluation; infinite and unknown ones are null."""
     return {
         "dataset": evaluation.dataset,
         "split": evaluation.split,
@@ -60,7 +60,7 @@ def _scores_json(score: BopScores, names: dict[int, str]) -> dict[str, Any]:
 
 
 def _own_json(score: BopScores, own: OwnPart | None, names: dict[int, str]) -> dict[str, Any] | None:
-    """The score over what the file is about, where this is not all that is asked for."""
+    """The score over the part that the file is about, where that is less than all targets; else None."""
     if own is None or score.own is None:
         return None
     part = {"images": len(own.images), "only_objects": None if own.objects is None else sorted(own.objects)}

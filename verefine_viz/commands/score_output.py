@@ -1,4 +1,4 @@
-"""The scores of results files, printed: tables with remarks, or JSON."""
+"""Prints the scores of results files: tables with remarks, or JSON."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from verefine_viz.run.session_file import load_session
 from verefine_viz.scenes.annotations import Task
 
 OWN = {"run": "only the images that each run covered", "file": "only the images that each file names"}
-"""Which images a score is about that is not about all targets, by how these are known."""
+"""Words for the images of a score that does not cover all targets, by how these images are known."""
 OWN_OBJECTS = "only the images and objects that each run was to solve"
-"""Heading where a run was to solve some objects only."""
+"""Heading where a run was to solve only some objects."""
 
 
 def print_scores(
@@ -41,7 +41,7 @@ def print_scores(
     per_object: bool,
     sensor: str = "",
 ) -> None:
-    """Scores the files and prints the result.
+    """Score the files and print the result.
 
     Raises:
         VerefineError: a file or the data set cannot be used.
@@ -69,7 +69,7 @@ def print_scores(
 
 
 def covered_by(results: Path) -> Covered | None:
-    """The frames of the batch that wrote a results.csv, failed ones too, and the objects that its session names.
+    """The frames, failed ones included, of the batch that wrote a results.csv, and the objects that its session names.
 
     None where the file does not lie in a batch's folder, or where its frames.csv cannot be read.
     """
@@ -77,7 +77,7 @@ def covered_by(results: Path) -> Covered | None:
     if results.name != "results.csv" or not is_batch_folder(folder):
         return None
     try:
-        # Two columns of many: the rows are not checked as they are for the page.
+        # Only two of many columns are read, without the checks that the page makes.
         with reading(folder / "frames.csv") as raw, TextIOWrapper(raw, encoding="utf-8", newline="") as file:
             images = frozenset((int(row["scene_id"]), int(row["im_id"])) for row in csv.DictReader(file))
     except VerefineError:
@@ -86,7 +86,7 @@ def covered_by(results: Path) -> Covered | None:
 
 
 def _covered_objects(session: Path) -> frozenset[int] | None:
-    """What the session asks for; None = all, also where it cannot be read."""
+    """The objects that a session asks for; None = all, or the session cannot be read."""
     try:
         return frozenset(load_session(session).scene.objects) or None
     except VerefineError:
@@ -94,7 +94,7 @@ def _covered_objects(session: Path) -> frozenset[int] | None:
 
 
 def _overviews(evaluation: Evaluation) -> Iterator[PrintedTable]:
-    """Tables: the official score, runs over fewer images before it, files that name fewer after it."""
+    """The tables: runs over fewer images, the official score, then files that name fewer images."""
     runs, files = (list(_own(evaluation, how)) for how in OWN)
     if runs:
         few = any(own and own.objects for own in evaluation.own)
@@ -109,7 +109,7 @@ def _overviews(evaluation: Evaluation) -> Iterator[PrintedTable]:
 
 
 def _own(evaluation: Evaluation, how: str) -> Iterator[tuple[BopScores, tuple[str, ...]]]:
-    """Scores over the part that is a file's own, and how many of all images and objects this holds."""
+    """Scores over the part that a file covers, and how many of all images and objects that is."""
     for score, own, covered in zip(evaluation.scores, evaluation.own, evaluation.coverage, strict=True):
         if own is not None and score.own is not None and own.known_from == how:
             of = f"/{covered.objects_asked}" if covered.objects_asked else ""
@@ -124,7 +124,7 @@ def _title(evaluation: Evaluation, what: str) -> str:
 def _overview(
     title: str, shown: Sequence[tuple[BopScores, tuple[str, ...]]], about: tuple[str, ...] = ()
 ) -> PrintedTable:
-    """A row for each score; ``about`` names those of the cells beside it that are shown."""
+    """A table with a row for each score; ``about`` names the cells beside a score that are shown."""
     is_timed = any(score.mean_time_s >= 0 for score, _ in shown)
     headings = ("method", *about, *_heads(shown[0][0]), "missing", *(["s/image"] if is_timed else []))
     rows = list[tuple[str, ...]]()
@@ -170,7 +170,7 @@ def _percent(share: float) -> str:
 
 
 def _by_object(evaluation: Evaluation) -> Iterator[PrintedTable]:
-    """Tables, one for each file; of a run over fewer images or objects, only over these."""
+    """A table by object for each file; a run over fewer images or objects is scored over these only."""
     for score, own, covered in zip(evaluation.scores, evaluation.own, evaluation.coverage, strict=True):
         if own is not None and score.own is not None and own.known_from == "run":
             only = "" if own.objects is None else f"object {', '.join(map(str, sorted(own.objects)))} in "
@@ -194,7 +194,7 @@ def _objects(title: str, score: BopScores, names: dict[int, str]) -> PrintedTabl
 
 
 def _remarks(evaluation: Evaluation) -> list[str]:
-    """What should be known about each results file, a sentence each, and what the columns mean."""
+    """Remarks on each results file, a sentence each, and what the columns mean."""
     lines = []
     by_file = any(own is not None and own.known_from == "file" for own in evaluation.own)
     for score, covered, own in zip(evaluation.scores, evaluation.coverage, evaluation.own, strict=True):
@@ -214,7 +214,7 @@ def _remarks(evaluation: Evaluation) -> list[str]:
 
 
 def _covered(covered: Coverage, score: BopScores) -> list[str]:
-    """What a file has no estimates for, and which of its rows are no poses."""
+    """Remarks on what a file has no estimates for, and on rows that are no poses."""
     lines, counts = [], score.counts
     if not covered.is_complete or counts.missing:
         objects = f" and {covered.objects} of {covered.objects_asked} objects" if covered.objects_asked else ""
@@ -239,7 +239,7 @@ def _covered(covered: Coverage, score: BopScores) -> list[str]:
 
 
 def _rows(score: BopScores) -> list[str]:
-    """What became of rows that were not scored."""
+    """Remarks on rows that were not scored."""
     counts, lines = score.counts, []
     if counts.unasked:
         ids = "scenes, images or objects that the targets do not name"

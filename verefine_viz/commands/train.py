@@ -24,8 +24,8 @@ class TrainCommand:
     network: Annotated[Literal["depth_net", "densefusion"], tyro.conf.Positional]
     """depth_net: the depth refiner that knows no object. densefusion: both networks of it, for given objects."""
     out: Path
-    """ONNX file; its model card goes beside it as JSON, and until it is done a checkpoint. Of densefusion the refiner's
-    goes to the same name with _refine."""
+    """ONNX file; its model card goes beside it as JSON, and a checkpoint until training is
+    done. The refiner of densefusion goes to the same name with _refine."""
     minutes: float = 25.0
     """How long it trains: the number of steps follows from the speed of the first ones."""
     steps: int | None = None

@@ -141,10 +141,10 @@ class ViewCommand:
 
 
 def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> KnownData | None:
-    """What data lie at a path; None where it is none of data.
+    """The data at a path; None where the path holds a batch, a recording or a session.
 
     Raises:
-        InputError: it is one of nothing that can be opened.
+        InputError: the path is a folder that cannot be opened.
     """
     from verefine_viz.batch.index import is_batch_folder, named_runs
     from verefine_viz.run.data_folder import data_at, layout_fault
@@ -165,7 +165,7 @@ def _is_recording(path: Path | None) -> bool:
 
 
 def _check_kind(path: Path | None) -> None:
-    """Raises InputError where the path is of a kind that cannot be opened, or does not exist."""
+    """Raise InputError where the path does not exist, or cannot be opened."""
     if path is not None and path.suffix != ".toml":
         why = "cannot be opened" if path.exists() else "does not exist"
         expected = "a session (.toml), the folder of a batch run, or a recorded run (.vfrun, .rrd)"
@@ -173,10 +173,10 @@ def _check_kind(path: Path | None) -> None:
 
 
 def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) -> tuple[Path | None, Path | None]:
-    """Which recordings are A and B.
+    """The recordings A and B, None where A is none.
 
     Raises:
-        InputError: B is no recording, A is none to which it could belong, or settings are given for one.
+        InputError: B is no recording, or settings are given for A, a recording.
     """
     if b is not None and not _is_recording(b):
         raise InputError(
@@ -188,7 +188,7 @@ def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) ->
 
 
 def _hint(a: Path | None, b: Path) -> str:
-    """What was probably wanted where folders of runs are named."""
+    """A hint for folders of runs in place of recordings."""
     if not b.is_dir():
         return ""
     from verefine_viz.batch.index import is_batch_folder, named_runs
@@ -199,10 +199,10 @@ def _hint(a: Path | None, b: Path) -> str:
 
 
 def _recorded_session(path: Path, other: Path | None) -> Session:
-    """The frame of a recording, on which the page opens before it shows the recording itself.
+    """A session with the frame of a recording, on which the page opens before it shows the recording itself.
 
-    Method, simulator and source of initial poses are left out: this program need not have what it was made with to show
-    what that did.
+    Method, simulator and source of initial poses are left out, as showing a recording does not need the parts that it
+    was made with.
 
     Raises:
         InputError: one of the recordings cannot be read, or the other is of another frame.
@@ -213,7 +213,7 @@ def _recorded_session(path: Path, other: Path | None) -> Session:
 
     header = read_recording(path).header
     session = session_of(header)
-    if other is not None:  # Before the user is sent to a page that cannot open.
+    if other is not None:  # Checked before the user is sent to a page that cannot open.
         theirs = read_recording(other).header
         check_same_frame(other, (session_of(theirs), theirs.frame), (session, header.frame))
     scene = structs.replace(session.scene, frames=(header.frame,))

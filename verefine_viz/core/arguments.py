@@ -1,4 +1,4 @@
-"""Arguments of the library's calls: of the type and size that was asked for, or one line."""
+"""Checks the arguments of the library's calls: type and size, else an error in one line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from verefine_viz.core.errors import ArgumentTypeError, InputError, one_line, quoted
 
 SHOWN = 40
-"""What is quoted of a value [characters]."""
+"""Length of a quoted value [characters]."""
 LONGEST_PATH, LONGEST_PART = 4000, 255
 """No system takes longer paths [characters], or names of a file or a folder [bytes]."""
 LONGEST_NAME = 200

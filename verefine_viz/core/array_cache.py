@@ -1,4 +1,4 @@
-"""Files of arrays that are slow to make: a cache on disk that, damaged or unwritable, costs time only."""
+"""A cache on disk for arrays that are slow to make; where it is damaged or unwritable, this costs time only."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def cached(
 
 
 def read(file: Path, unpack: Callable[[Arrays], T]) -> T | None:
-    """What a file holds; None if there is none that can be used, with a warning if it is damaged."""
+    """Content of a cache file; None where there is no usable one, with a warning where it is damaged."""
     try:
         changed_ns = file.stat().st_mtime_ns
     except FileNotFoundError:
@@ -92,7 +92,7 @@ def _read_as_of(file: Path, changed_ns: int, unpack: Callable[[Arrays], T]) -> T
 
 
 def write(file: Path, arrays: Mapping[str, ArrayLike]) -> None:
-    """Writes arrays to a file as a whole; where that cannot be, a warning."""
+    """Write arrays to a file, whole or not at all; warn where that is impossible."""
     try:
         with atomic(file) as part, part.open("wb") as stream:
             np.savez(stream, **arrays)  # type: ignore[arg-type]

@@ -12,11 +12,11 @@ from verefine_viz.core.errors import ShapeError
 
 LAST_ROW = (0.0, 0.0, 1.0)
 FOCAL_PX = (1.0, 1e6)
-"""Least and largest focal length [px]: beyond lie mistakes, and pixels that no integer can number."""
+"""Least and largest focal length [px]; others are mistakes, or give pixel numbers beyond any integer."""
 LEAST_FOCAL = 0.05
 """Least focal length as a share of the image's width: that of a lens of 168°."""
 NORMALISED = 10.0
-"""A matrix of smaller numbers is in image widths, not in pixels."""
+"""Focal length below which a matrix is in units of the image width, not in pixels."""
 FARTHEST_PX = 1e6
 """Largest distance of the principal point from the image's corner, along each axis, and largest skew [px]."""
 
@@ -80,7 +80,7 @@ class Camera:
 
 
 def check_intrinsics(K: Float, width: int = 0) -> None:
-    """Raise ShapeError where a matrix (3, 3) [px] is that of no camera, or of none with images of this width."""
+    """Raise ShapeError where a matrix (3, 3) [px] cannot be that of a camera with images of this width."""
     if not np.allclose(K[2], LAST_ROW, rtol=0, atol=1e-6):
         is_turned = np.allclose(K[:, 2], LAST_ROW, rtol=0, atol=1e-6)
         how = "; it looks written column by column: write it row by row, fx 0 cx 0 fy cy 0 0 1" * is_turned

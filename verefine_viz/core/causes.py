@@ -1,6 +1,6 @@
-"""What can have gone wrong: of each cause what page, tables, report and documents say. ``make tables`` writes the last.
+"""Causes of failure, with what page, tables, report and documents say about each. ``make tables`` writes the documents.
 
-Each is tested by a function of ``input_causes.py``, ``scene_causes.py`` or ``search_causes.py``, and shown by a scene.
+Each is tested by a function of ``input_causes.py``, ``scene_causes.py`` or ``search_causes.py``; a scene shows it.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from verefine_viz.core.remedies import (
 
 
 class Cause(StrEnum):
-    """Why an answer is wrong or missing, in the order in which causes are tested: what was given, what was done.
+    """Why an answer is wrong or missing, in the order in which causes are tested: first the input, then the run.
 
-    Without a hypothesis nothing was done, so that nothing else is tested. The last one is of answers without ground
+    Without a hypothesis nothing was run, so that nothing else is tested. The last cause is for answers without ground
     truth.
     """
 
@@ -58,42 +58,42 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class KnownCause:
-    """What people read about a cause. Texts without a capital letter and a full stop stand in a sentence."""
+    """Texts about a cause. Those without a capital letter and a full stop become part of a sentence."""
 
     title: str
-    """For tables, bar charts, filters."""
+    """A few words for tables, bar charts and filters."""
     what: str
-    """What is wrong, as markdown."""
+    """What is wrong, in markdown."""
     shown_by: str
-    """How it shows."""
+    """How the cause shows."""
     advice: str
     """What to try."""
     remedies: tuple[Remedy, ...] = ()
     """Settings that may help; none where only the data can be mended."""
     numbers: Mapping[str, str] = field(default_factory=dict)
-    """What the numbers of its findings mean, those of :data:`RERUN_NUMBERS` aside: names, and what they say."""
+    """Names of the numbers in its findings, apart from :data:`RERUN_NUMBERS`, and what each means."""
     picture: str
     """What ``docs/causes/NAME.png`` shows."""
     command: str = ""
-    """``verefine-viz`` with it shows the cause; "" where ``scripts/cause_scenes.py`` spoils a frame for it."""
+    """Arguments of ``verefine-viz`` that show the cause; "" where ``scripts/cause_scenes.py`` spoils a frame for it."""
     is_by_chance: bool = False
-    """Whether it needs a control even where no re-run showed it; others are plain to see in what the run did."""
+    """Whether it needs a control even where no re-run showed it; other causes are plain from what the run did."""
 
 
 STARVED_ADVICE = "each came right when its best hypothesis got the whole budget, so try "
 RERUN_NUMBERS = {
     "error": "of the answer",
-    "error_repaired": "of the answer of the re-run in which something was put right",
+    "error_repaired": "of the answer of the re-run with the repair",
     "reruns, reruns_right": "re-runs on other samples of the observed points with nothing changed, and how many came "
     "out right; missing where none did, and where no re-run was needed",
-    "repaired, repaired_right": "the same with what was put right",
+    "repaired, repaired_right": "the same with the repair",
 }
-"""What numbers mean that findings of any cause may have."""
+"""Numbers that findings of any cause may have, and what each means."""
 CAUSES: dict[Cause, KnownCause] = {
     Cause.GROUND_TRUTH: KnownCause(
         title="ground truth does not fit its image",
         what="the ground truth scores next to nothing and the measured depth is elsewhere, while the answer scores "
-        "high: the mesh has other axes than the poses mean (Y up, mirrored), or the poses are in another frame",
+        "high: the mesh has other axes than the poses assume (Y up, mirrored), or the poses are in another frame",
         shown_by="without a re-run: both poses are scored",
         advice="compare the axes of the meshes and the frame of the poses with what the data set says; until they fit, "
         "no error means anything",
@@ -118,8 +118,8 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.UNIT: KnownCause(
         title="initial poses in another unit",
-        what="translations of hypotheses are in metres or centimetres, where millimetres are expected",
-        shown_by="by a re-run with this put right: these translations",
+        what="translations of hypotheses are in metres or centimetres instead of millimetres",
+        shown_by="by a re-run with these translations put right",
         advice="write the translations of the initial poses in millimetres (hypotheses.files)",
         remedies=(MILLIMETRES,),
         numbers={
@@ -127,12 +127,12 @@ CAUSES: dict[Cause, KnownCause] = {
             "hypotheses_in_another_unit, factor": "how many look so, and what their translations have to be multiplied "
             "by",
         },
-        picture="A duck; at the right edge the contour of its answer, which is right in front of the camera",
+        picture="A duck, and at the right edge the contour of its answer, which lies just in front of the camera",
     ),
     Cause.DEPTH: KnownCause(
         title="depth missing or unregistered",
         what="much of the object has no depth, or the depth image is shifted or scaled",
-        shown_by="by a re-run with this put right: the depth image",
+        shown_by="by a re-run with the depth image put right",
         advice="look at the depth images and how they are registered",
         numbers={
             "missing_share": "of the object's pixels that have no depth",
@@ -140,12 +140,12 @@ CAUSES: dict[Cause, KnownCause] = {
             "agreement, agreement_repaired": "how well depth lies on the ground truth, and would if it were put right; "
             "1 is best",
         },
-        picture="The depth image of a duck that mirrors: nearly nothing of it was measured",
+        picture="The depth image of a mirroring duck: almost none of it was measured",
     ),
     Cause.MASK: KnownCause(
         title="mask leaks or misses",
         what="the mask covers other things, or not all of the object",
-        shown_by="by a re-run with this put right: the mask, from the ground truth",
+        shown_by="by a re-run with the mask of the ground truth",
         advice="look at where the masks leak or miss",
         numbers={
             "leak_share, miss_share": "of the mask beside the object, and of the object beside the mask",
@@ -156,9 +156,9 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.NEIGHBOUR: KnownCause(
         title="neighbour misplaced first",
-        what="an object placed before it is misplaced",
-        shown_by="by a re-run with this put right: the other objects, at ground truth",
-        advice="first mend the objects that were placed before them",
+        what="an object that was placed before this one is misplaced",
+        shown_by="by a re-run with the other objects at ground truth",
+        advice="first mend the neighbours that were placed before",
         numbers={
             "neighbour, neighbour_error": "instance_id of the object that was misplaced first, and its error",
         },
@@ -183,7 +183,7 @@ CAUSES: dict[Cause, KnownCause] = {
     Cause.PLANE: KnownCause(
         title="wrong support plane",
         what="the plane or gravity of the simulation is wrong, or was not found",
-        shown_by="by a re-run with this put right: the plane, from the ground truth",
+        shown_by="by a re-run with the plane of the ground truth",
         advice="look at the support plane, or give gravity (scene.gravity)",
         remedies=(GIVEN_GRAVITY, NO_PHYSICS),
         numbers={
@@ -196,34 +196,34 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.COLLIDER: KnownCause(
         title="collider too coarse",
-        what="the solid that is simulated is far from the mesh",
-        shown_by="by a re-run with this put right: convex parts in place of a hull",
+        what="the simulated solid differs much from the mesh",
+        shown_by="by a re-run with convex parts in place of a hull",
         advice="try convex parts (physics.collider)",
         remedies=(CONVEX_PARTS,),
         numbers={
-            "deviation_mm": "of the solid from the mesh at worst",
+            "deviation_mm": "largest, of the solid from the mesh",
         },
         picture="A duck in a bowl that physics takes for its hull",
     ),
     Cause.DISCARDED: KnownCause(
         title="correct pose discarded for one that scores more",
-        what="a correct pose was reached, and the answer is another that scores at least as much, though the ground "
-        "truth scores more; or a hypothesis that comes right when it is refined alone scores less there",
+        what="a correct pose was reached, but the answer is another that scores at least as much, although the ground "
+        "truth scores more; or a hypothesis comes right when refined alone, but scores less there than the answer",
         shown_by="without a re-run: all poses of the run are compared",
-        advice="a correct pose was there, so better initial poses are not what is missing; look where its score maps "
-        "differ from those of the answer",
+        advice="a correct pose was reached, so better initial poses are not needed; look where its score maps differ "
+        "from those of the answer",
         remedies=(MORE_ITERATIONS, COLOUR),
         numbers={
             "score": "of the answer",
             "unexplained_px": "pixels that the scene leaves unexplained with the answer: the cost of `physim_mcts`",
-            "hypothesis": "the one meant",
+            "hypothesis": "index of the hypothesis concerned",
             "iteration, given_up_in_iteration": "which made the correct pose (0: it is an initial pose), and after "
-            "which a wrong one was the best",
+            "which a wrong pose was the best",
             "error_of_correct, score_of_correct, unexplained_px_of_correct": "of the correct pose",
-            "score_refined_on, margin": "the highest score of what the refiner makes of the correct pose; by how much "
-            "the answer scores more than it as it was",
+            "score_refined_on, margin": "the highest score that the refiner reaches from the correct pose; by how much "
+            "the answer scores more than the correct pose itself",
             "hypothesis_of_answer, iteration_of_answer": "which made the answer",
-            "calls, iterations_of_it, iterations": "refiner calls that it takes, iterations that the hypothesis got, "
+            "calls, iterations_of_it, iterations": "refiner calls that it needs to come right, iterations that it got, "
             "iterations of the object",
         },
         picture="A mug whose answer is turned a little more than what counts as right",
@@ -232,9 +232,9 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.AMBIGUOUS: KnownCause(
         title="the observation cannot tell two poses apart",
-        what="the answer is next to a pose whose score differs from that of ground truth by no more than the errors of "
-        "depth and mesh explain: right as far as the image shows",
-        shown_by="without a re-run: the poses that the image allows beside ground truth are worked out",
+        what="the answer is next to a pose whose score differs from that of the ground truth by no more than errors of "
+        "depth and mesh explain: it is right as far as the image shows",
+        shown_by="without a re-run: the poses that the image allows beside ground truth are computed",
         advice="no setting tells what depth does not show; take another view, or use what colour shows",
         remedies=(COLOUR,),
         numbers={
@@ -251,19 +251,19 @@ CAUSES: dict[Cause, KnownCause] = {
     Cause.SIMULATION: KnownCause(
         title="simulation pushed it away",
         what="simulating moved the object away from the ground truth",
-        shown_by="by a re-run with this put right: no simulation",
+        shown_by="by a re-run without simulation",
         advice="look at what the simulation pushed, and try it without (physics.enabled)",
         remedies=(NO_PHYSICS,),
         numbers={
-            "hypothesis": "the one meant",
+            "hypothesis": "index of the hypothesis concerned",
             "error_of_correct, score_of_correct, unexplained_px_of_correct": "of the correct pose",
             "iteration, moved_mm, turned_deg, error_added": "the simulation that did most harm, how far it moved the "
-            "object, and what it added to the error",
+            "object, and how much it added to the error",
             "error_of_simulated_ground_truth": "after one simulation from the ground truth",
-            "calls, iterations_of_it, iterations": "refiner calls that it takes, iterations that the hypothesis got, "
+            "calls, iterations_of_it, iterations": "refiner calls that it needs to come right, iterations that it got, "
             "iterations of the object",
-            "error_before, added_by_refiner, added_by_simulation": "error of the nearest pose that the answer came "
-            "from, and what each added to it from then on",
+            "error_before, added_by_refiner, added_by_simulation": "error of the pose nearest to the ground truth "
+            "on the way to the answer, and what each added to it from then on",
         },
         picture="A tall box that was pushed over and floats above where it was seen",
         command="view failure_simulation_topples",
@@ -271,14 +271,14 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.ARM_STARVED: KnownCause(
         title="best hypothesis tried too little",
-        what="a hypothesis got few iterations or none, and comes right with all of them",
-        shown_by="by a re-run with this put right: all iterations for that hypothesis",
+        what="a hypothesis got few iterations or none, and comes right when it gets all",
+        shown_by="by a re-run with all iterations for that hypothesis",
         advice=f"{STARVED_ADVICE}more iterations (method.iterations) or more exploration (method.exploration)",
         remedies=(MORE_EXPLORATION, MORE_ITERATIONS, MORE_EXPANSIONS),
         numbers={
-            "hypothesis": "the one meant",
+            "hypothesis": "index of the hypothesis concerned",
             "error_of_correct, score_of_correct, unexplained_px_of_correct": "of the correct pose",
-            "calls, iterations_of_it, iterations": "refiner calls that it takes, iterations that the hypothesis got, "
+            "calls, iterations_of_it, iterations": "refiner calls that it needs to come right, iterations that it got, "
             "iterations of the object",
             "initial_error_of_it": "of the hypothesis as it was given",
         },
@@ -288,13 +288,14 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.BUDGET: KnownCause(
         title="budget too small",
-        what="it was still getting better at the end",
-        shown_by="by a re-run with this put right: 2, 4 or 8 times the iterations",
+        what="the answer was still improving at the end",
+        shown_by="by a re-run with 2, 4 or 8 times the iterations",
         advice="try more iterations (method.iterations)",
         remedies=(MORE_ITERATIONS, MORE_EXPANSIONS),
         numbers={
-            "falling, times": "what the last iteration took off the error; the multiple of the budget that was tried",
-            "error_alone": "solved among the other objects by RIR",
+            "falling, times": "how much the last iteration lowered the error; the multiple of the budget that "
+            "was tried",
+            "error_alone": "when solved by RIR among the other objects",
             "score": "of the answer",
         },
         picture="A duck whose answer is still on its way",
@@ -304,9 +305,9 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.OUT_OF_RANGE: KnownCause(
         title="refiner out of its training range",
-        what="all initial poses are turned or shifted further from the ground truth than what a learned refiner was "
-        "trained on",
-        shown_by="by a re-run with this put right: the initial poses, brought within half of that range",
+        what="all initial poses are turned or shifted further from the ground truth than a learned refiner was trained "
+        "to correct",
+        shown_by="by a re-run with the initial poses brought within half of that range",
         advice="the initial poses are further off than the refiner was trained for, so better ones are needed "
         "([hypotheses]), or weights trained on a wider range",
         remedies=(FOUND_HYPOTHESES, BY_ICP),
@@ -323,18 +324,17 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.REFINER: KnownCause(
         title="refiner diverged or got stuck",
-        what="the refiner led away from a pose that was nearer, or does not get from the hypotheses to the ground "
-        "truth",
-        shown_by="by a re-run with this put right: ICP in place of the refiner, or ground truth as a start",
+        what="the refiner led away from a pose nearer to the ground truth, or does not reach it from the hypotheses",
+        shown_by="by a re-run with ICP in place of the refiner, or with ground truth as a start",
         advice="try another refiner, or other settings of it (method.refiner)",
         remedies=(BY_ICP, BY_NETWORK),
         numbers={
-            "hypothesis": "that of the answer",
+            "hypothesis": "index of the hypothesis of the answer",
             "calls": "refiner calls that were made",
-            "calls_that_took_it_away": "of the refiner calls",
-            "best_iteration": "the iteration that made the nearest pose that the answer came from",
-            "error_before, added_by_refiner, added_by_simulation": "error of the nearest pose that the answer came "
-            "from, and what each added to it from then on",
+            "calls_that_took_it_away": "how many of these increased the error",
+            "best_iteration": "the iteration that made the pose nearest to the ground truth on the way to the answer",
+            "error_before, added_by_refiner, added_by_simulation": "error of the pose nearest to the ground truth "
+            "on the way to the answer, and what each added to it from then on",
             "nearest, nearest_error, nearest_rotation_deg": "the hypothesis that started nearest to the ground truth, "
             "and how far that was",
             "nearest_translation_mm": "how far the middle of the object was off there",
@@ -347,7 +347,7 @@ CAUSES: dict[Cause, KnownCause] = {
     Cause.POOL: KnownCause(
         title="no good hypothesis in the pool",
         what="there are hypotheses, but none leads to the ground truth",
-        shown_by="by a re-run with this put right: ground truth as a start",
+        shown_by="by a re-run with ground truth as a start",
         advice="no initial pose led to the ground truth, so more or better ones are needed ([hypotheses])",
         remedies=(MORE_HYPOTHESES, FOUND_HYPOTHESES),
         numbers={
@@ -364,8 +364,8 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.UNDECIDED: KnownCause(
         title="undecided: between two basins",
-        what="it lies between two basins: with other samples of the observed points (another `scene.seed`) it comes "
-        "out right as well, and nothing that was put right helps clearly more often",
+        what="the answer lies between two basins: with other samples of the observed points (another `scene.seed`) it "
+        "comes out right as well, and no repair helps clearly more often",
         shown_by="by three re-runs with nothing changed, five where one of them comes out right",
         advice="the same run comes out right for another scene.seed, so more hypotheses make it more certain "
         "([hypotheses], max_per_object)",
@@ -377,7 +377,7 @@ CAUSES: dict[Cause, KnownCause] = {
     Cause.NO_HYPOTHESIS: KnownCause(
         title="no hypothesis at all",
         what="no initial pose was given, so nothing was refined",
-        shown_by="by a re-run with this put right: ground truth as a start",
+        shown_by="by a re-run with ground truth as a start",
         advice="without an initial pose nothing is refined, so name further results files or an estimator "
         "(hypotheses.files, hypotheses.estimate)",
         remedies=(FOUND_HYPOTHESES,),
@@ -389,11 +389,11 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.IMPOSSIBLE: KnownCause(
         title="physically impossible where it is",
-        what="an answer without ground truth floats by more than 5 mm, sinks in by 5 mm more than short heights "
-        "and a lean in the depth explain, or would tip over; not named where only a support plane that explains "
-        "little of the background says so, where three or more objects measure short in height by as much as it "
+        what="an answer without ground truth floats by more than 5 mm, sinks in by 5 mm more than depth explains that "
+        "measures objects too short or leaning, or would tip over; not named where the only evidence is a support "
+        "plane that explains little of the background, where three or more objects measure too short by as much as it "
         "sinks in, or where the frame's data are in doubt",
-        shown_by="without a re-run: geometry alone; asked for where the method simulates",
+        shown_by="without a re-run: by geometry alone, where the method simulates",
         advice="they sink in, float or would tip, so look at the support plane and at what they touch",
         remedies=(PLAUSIBLE,),
         numbers={
@@ -405,10 +405,10 @@ CAUSES: dict[Cause, KnownCause] = {
 
 
 def cause_title(cause: str) -> str:
-    """A cause as tables and filters show it; one that this version does not know is shown as it is."""
+    """A cause in words for tables and filters; a cause unknown to this version is shown by its name."""
     return CAUSES[Cause(cause)].title if cause in CAUSES else cause.replace("_", " ")
 
 
 def advice_on(cause: str) -> str:
-    """What to try; "" for a cause that this version does not know."""
+    """What to try; "" for a cause unknown to this version."""
     return CAUSES[Cause(cause)].advice if cause in CAUSES else ""

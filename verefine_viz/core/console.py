@@ -1,4 +1,4 @@
-"""The terminal, as all commands write to it: texts without control characters, a progress bar, tables."""
+"""Output of all commands to the terminal: texts without control characters, a progress bar, tables."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from rich.text import Text
 from verefine_viz.core.text_format import plain
 
 EVERY_S = 20.0
-"""Where there is no terminal (a log file), a line after so many seconds."""
+"""Time between lines of progress in a log file, where there is no terminal [s]."""
 SPEED_S = 3600.0
-"""How far back the time left is computed from: a step may take minutes."""
+"""Period from which the time left is computed [s]: a step may take minutes."""
 TITLE_SHARE = 1 / 4
-"""Most of a line that the bar's title gets."""
+"""Largest share of a line for the bar's title."""
 COLOUR = "green"
 """Colour of the bar; rich's own is as red as a failure."""
 CTRL_C = 3
@@ -33,9 +33,9 @@ CTRL_C = 3
 FILE_COLUMNS = 200
 """Width of a table that is printed into a file, where it needs so much."""
 LEAST_WORDS, MOST_WORDS = 12, 28
-"""Narrowest that a column of words gets, and as wide as its longest word up to so many characters."""
+"""Least width of a column of words; it is as wide as its longest word, up to the second number of characters."""
 MARKS = {"ok": "green", "look": "yellow", "missing": "yellow", "fails": "red"}
-"""Colours of what a check came to."""
+"""Colours of the results of a check."""
 
 
 class Terminal(Console):
@@ -111,7 +111,7 @@ class ProgressBar:
             self._console.print(self._line, soft_wrap=True, highlight=False)
 
     def say(self, text: str) -> None:
-        """A line above the bar, which stays."""
+        """Print a line above the bar, which stays."""
         self._console.print(escape(text), soft_wrap=True, highlight=False)
 
     @property
@@ -139,7 +139,7 @@ class _Bar(Progress):
 
 @dataclass(frozen=True)
 class PrintedTable:
-    """Words and numbers as they are printed, row by row; the first columns hold words."""
+    """A table to print, row by row; the first columns hold words."""
 
     title: str
     headings: tuple[str, ...]
@@ -149,7 +149,7 @@ class PrintedTable:
     rules: tuple[int, ...] = ()
     """Rows above which there is a rule."""
     note: str = ""
-    """What the numbers are; below the table."""
+    """Explanation of the numbers, printed below the table."""
     n_words: int = 1
     """Columns of words, which take several lines where one is too short; the others hold numbers."""
 

@@ -1,4 +1,4 @@
-"""Depth, cameras and poses as settings put them right, and how what is still to be put right goes on top."""
+"""Corrections of depth, cameras and poses by settings, and how further corrections are combined with them."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ IN_CONVENTION: Mapping[PoseConvention, Callable[[Float], Float]] = {
     "x90": lambda T: T @ _about_x(90),
     "x-90": lambda T: T @ _about_x(-90),
 }
-"""T_cam_obj (4, 4) of a pose that was written otherwise."""
+"""Functions that make T_cam_obj (4, 4) of a pose written in another convention."""
 
 
 AS_READ = DataSettings()
 
 
 MADE_FROM_TRUTH = "perturbed"
-"""Initial poses whose source begins so stem from the ground truth, which stays as it is."""
+"""Beginning of the source of initial poses that are made from ground truth, which is never corrected."""
 
 
 def corrected_pose(T_cam_obj: Float, data: DataSettings) -> Float:
-    """The pose (4, 4) that an initial pose as read stands for."""
+    """The corrected pose (4, 4) of an initial pose as read."""
     T = transform(T_cam_obj[:3, :3], data.pose_times * T_cam_obj[:3, 3])
     return IN_CONVENTION[data.poses](T)
 
 
 def corrected_depth(depth_m: NDArray[np.float32], camera: Camera, data: DataSettings) -> NDArray[np.float32]:
-    """The depth image (H, W) [m] of a camera that was put right."""
+    """The corrected depth image (H, W) [m], for a camera that is already corrected."""
     depth_m = displaced(depth_m, data.depth_shift_px) * np.float32(data.depth_times)
     if data.depth_along == "z":
         return depth_m
@@ -55,7 +55,7 @@ def corrected_depth(depth_m: NDArray[np.float32], camera: Camera, data: DataSett
 
 
 def displaced(depth_m: NDArray[np.float32], shift_px: tuple[int, int]) -> NDArray[np.float32]:
-    """A depth image (H, W) [m] whose pixels take what lies so far to the right and down; 0 where that is outside."""
+    """A depth image (H, W) [m] whose pixels take the depth this far to the right and down; 0 where that is outside."""
     right, down = shift_px
     if right == down == 0:
         return depth_m
@@ -66,7 +66,7 @@ def displaced(depth_m: NDArray[np.float32], shift_px: tuple[int, int]) -> NDArra
 
 
 def corrected_camera(camera: Camera, data: DataSettings) -> Camera:
-    """The camera that images belong to.
+    """The corrected camera of a frame.
 
     Raises:
         ShapeError: no camera has such a matrix.
@@ -77,7 +77,7 @@ def corrected_camera(camera: Camera, data: DataSettings) -> Camera:
 
 
 def on_top(data: DataSettings, more: DataSettings) -> DataSettings | None:
-    """What puts right what ``more`` still has to after ``data``; None where no settings do both."""
+    """Settings that correct first by ``data``, then by ``more``; None where no settings do both."""
     if data.poses != "given" and (more.poses != "given" or more.pose_times != 1):
         return None
     if data.depth_along == more.depth_along == "ray":
@@ -99,7 +99,7 @@ def on_top(data: DataSettings, more: DataSettings) -> DataSettings | None:
 
 
 def changes_between(before: DataSettings, after: DataSettings) -> dict[str, Any]:
-    """The settings by dotted name that lead from one to the other."""
+    """Settings by dotted name that differ between two corrections, with their new values."""
     return {
         f"data.{name}": getattr(after, name)
         for name in DataSettings.__struct_fields__
@@ -108,5 +108,5 @@ def changes_between(before: DataSettings, after: DataSettings) -> dict[str, Any]
 
 
 def of_models(obj_ids: Sequence[int], times: float) -> DataSettings:
-    """Some models, so many times as large."""
+    """The setting that enlarges some models by a factor."""
     return structs.replace(AS_READ, model_times=tuple((obj_id, times) for obj_id in sorted({*obj_ids})))

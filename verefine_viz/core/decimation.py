@@ -1,4 +1,4 @@
-"""A mesh with fewer triangles, by fast_simplification: the only place that calls it."""
+"""Reduces the triangles of a mesh by fast_simplification; the only place that calls it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A doubt about the data of a frame: what does not fit together, what shows it, and what would put it right."""
+"""Doubts about the data of a frame: what does not fit together, the evidence, and a remedy."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class KnownDoubt:
     """A kind of doubt, as the page shows it."""
 
     title: str
-    """For a badge, where the doubt has no shorter one of its own."""
+    """Words for a badge, where the doubt has none of its own."""
     picture: DoubtPicture
 
 
@@ -61,7 +61,7 @@ DOUBTS: Mapping[DoubtKind, KnownDoubt] = {
 
 @dataclass(frozen=True)
 class Doubt:
-    """What of a frame's data does not fit together."""
+    """A doubt about a frame's data: something does not fit together."""
 
     kind: DoubtKind
     text: str
@@ -73,9 +73,9 @@ class Doubt:
     numbers: Mapping[str, float] = field(default_factory=dict)
     """The evidence. Names carry their unit."""
     remedy: DataSettings | None = None
-    """What would put the data right, on top of what holds; None where no settings of the data do."""
+    """Settings that would put the data right, in addition to present ones; None where no settings do."""
     other_settings: Mapping[str, Any] = field(default_factory=dict)
-    """What else would, by dotted name, such as ``score.colour_weight``."""
+    """Other settings that would help, by dotted name, such as ``score.colour_weight``."""
 
     @property
     def title(self) -> str:
@@ -83,17 +83,17 @@ class Doubt:
         return self.short or DOUBTS[self.kind].title
 
     def concerns(self, instance_id: int) -> bool:
-        """Whether an object shows it, or the whole frame does."""
+        """Whether the doubt concerns an object, or the whole frame."""
         return not self.instances or instance_id in self.instances
 
     @property
     def picture(self) -> DoubtPicture:
-        """What shows it."""
+        """What shows the doubt in the image."""
         return DOUBTS[self.kind].picture
 
 
 def texts_of(doubts: Sequence[Doubt]) -> tuple[str, ...]:
-    """The sentences of some doubts, as run files and tables have them."""
+    """Doubts as sentences, for run files and tables."""
     return tuple(doubt.text for doubt in doubts)
 
 

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from verefine_viz.core.text_format import listed, plain
 
 NEAR = 0.65
-"""Names are near whose letters agree by this share, as with two of three or three of four in the same order."""
+"""Least share of letters that agree in similar names, such as two of three or three of four in the same order."""
 
 
 class VerefineError(Exception):
@@ -32,7 +32,7 @@ class SettingsError(VerefineError, ValueError):
 
 
 class ContentError(VerefineError, ValueError):
-    """What is read is not what it should be; :func:`core.files.reading` puts the name of the file before it."""
+    """The content of a file is not as expected; :func:`core.files.reading` puts the file's name before the text."""
 
 
 class ShapeError(ContentError):
@@ -52,7 +52,7 @@ class PartError(VerefineError):
 
 
 class Cancelled(BaseException):
-    """The result is not wanted any more; see :class:`core.progress_token.ProgressToken`.
+    """The result is no longer wanted; see :class:`core.progress_token.ProgressToken`.
 
     Not an ``Exception``: code that skips a broken object, or tries something else, must let this pass.
     """
@@ -65,7 +65,7 @@ def unknown(kind: str, name: object, available: Iterable[object]) -> str:
 
 
 def meant(name: object, available: Iterable[object]) -> str:
-    """A question after the name that was probably meant, with a space behind it; empty where none is near."""
+    """A question such as "did you mean 'icp'? ", with a space at its end; empty where no name is similar."""
     if not isinstance(name, str):
         return ""
     by_letters = {str(other).casefold(): other for other in available}
@@ -76,7 +76,7 @@ def meant(name: object, available: Iterable[object]) -> str:
 
 
 def quoted(value: object, most: int = 80) -> str:
-    """A value as it was written, for a message; of a long one the beginning, and that it goes on."""
+    """A value as it was written, for a message; a long one is cut, with a mark."""
     try:
         text = repr(value)
     except (ValueError, RecursionError):  # Of thousands of digits or levels.

@@ -1,4 +1,4 @@
-"""The door: every file that comes from outside is opened here, and what goes wrong in it becomes one line.
+"""The door: every file that comes from outside is opened here, and an error in it becomes one line.
 
 The line is in words of this program. What a library said is the context of the error, which ``--debug`` prints.
 """
@@ -25,22 +25,22 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ContentError, InputError, VerefineError, one_line, quoted
 
 MOST_BYTES = 2_000_000_000
-"""Size of a file that is read, unless its reader says less."""
+"""Largest size of a file that is read, unless its reader sets a lower one."""
 MOST_JSON_BYTES = 1_000_000_000
 """Largest JSON file, and largest text that a .json.gz unpacks to."""
 MOST_YAML_BYTES = 10_000_000
-"""Reading it takes eighty times as much memory."""
+"""Largest YAML file: reading one takes eighty times as much memory."""
 LONGEST = 300
-"""What is shown of an error [characters]."""
+"""Length of an error that is shown [characters]."""
 LEVELS_BELOW = 3
-"""How far below a folder, named by mistake, what was meant is searched for."""
+"""Depth of the search below a folder that was named by mistake."""
 _CUT_OFF = re.compile(
     r"truncated|ended before|EOFError|\bEOF|No data left|read all data|expected length|to its end|no element found|"
     r"unclosed token|failed finding central|requires a buffer of|could not read bytes|"
     r"cannot reshape array of size \d+ into shape \(\d+,\)",
     re.IGNORECASE,
 )
-"""What libraries say where a file ends too early."""
+"""Words of libraries for a file that ends too early."""
 KINDS_OF_FILE = {
     "a PLY mesh": (".ply",),
     "an OBJ mesh": (".obj",),
@@ -58,7 +58,7 @@ KINDS_OF_FILE = {
     "a table": (".csv",),
     "text": (".txt", ".mtl"),
 }
-"""What a file with such an ending should be."""
+"""Expected content of a file, by its ending."""
 _SHOULD_BE = {ending: kind for kind, endings in KINDS_OF_FILE.items() for ending in endings}
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
@@ -95,7 +95,7 @@ def reading(path: Path, what: str = "", most_bytes: int = MOST_BYTES) -> Iterato
 
 
 def _fault(error: Exception, path: Path) -> str:
-    """What is wrong with the content of a file that was being read."""
+    """One line on the error in a file that was being read."""
     is_empty = path.is_file() and path.stat().st_size == 0
     how = "empty" if is_empty else "cut off" if _CUT_OFF.search(f"{type(error).__name__} {error}") else ""
     line = first_line(error, _SHOULD_BE.get(path.suffix.lower(), ""))
@@ -183,7 +183,7 @@ def read_json(path: Path, kind: type[T], what: str = "") -> T:
 
 
 def read_entries(path: Path, kind: type[T]) -> tuple[list[tuple[int, T]], list[str]]:
-    """The entries of a JSON list that are what they should be, each with its place; and what is wrong with the others.
+    """The valid entries of a JSON list, each with its place; and what is wrong with the others.
 
     Raises:
         InputError: as :func:`read_json`, where it is no list.
@@ -250,7 +250,7 @@ def _at_place(error: msgspec.ValidationError) -> str:
 
 
 def _placed(message: str, raw: bytes) -> str:
-    """A message of msgspec with a line and a column in place of the number of a byte."""
+    """A message of msgspec with a line and a column in place of a byte offset."""
     byte = re.fullmatch(r"(.*) \(byte (\d+)\)", message)
     if byte is None:
         return message
@@ -298,7 +298,7 @@ class Numbered(Mapping[int, T], Generic[T]):
         self._path, self._kind, self._of = path, kind, of
         self._raw: dict[int, msgspec.Raw] = {}
         self.faults: list[str] = []
-        """About keys that are no number; their entries are left out."""
+        """Notes on keys that are no number; their entries are left out."""
         for key, raw in read_json(path, dict[str, msgspec.Raw]).items():
             number = id_of(key)
             if number is None:
@@ -314,7 +314,7 @@ class Numbered(Mapping[int, T], Generic[T]):
         return f"{self._path}, {self._of} {number}"
 
     def __getitem__(self, number: int) -> T:
-        """The entry.
+        """The entry of a number.
 
         Raises:
             InputError: it is not what it should be; the place is named.
@@ -336,5 +336,5 @@ class Numbered(Mapping[int, T], Generic[T]):
 
 
 def id_of(text: str) -> int | None:
-    """The number that a text is, whatever zeros are in front of it; None where it is none, or has over 18 digits."""
+    """The number that a text spells, leading zeros allowed; None where it spells none, or has over 18 digits."""
     return int(text) if re.fullmatch(r"0*\d{1,18}", text, re.ASCII) and len(text) < 100 else None

@@ -1,4 +1,4 @@
-"""What had a part in an answer that is wrong, missing or in doubt, as run files hold it."""
+"""Findings: reasons why an answer is wrong, missing or in doubt, as run files hold them."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from verefine_viz.core.setting_types import Index
 
 
 class Finding(Struct, frozen=True, omit_defaults=True):
-    """One thing that had a part in an answer that is wrong, missing or in doubt."""
+    """One reason why an answer is wrong, missing or in doubt."""
 
     cause: str
-    """Why, a :class:`~verefine_viz.core.causes.Cause`; "" where the text alone is known."""
+    """The :class:`~verefine_viz.core.causes.Cause`; "" where only the text is known."""
     text: str
     """What happened, in a sentence with numbers and units."""
     numbers: Mapping[str, float] = field(default_factory=dict)
     """The evidence. Names carry their unit; errors are ADD(-S) as a share of the diameter."""
     is_confirmed: bool = False
-    """Whether it alone explains the failure: a re-run without it came out right, or nothing else can."""
+    """Whether it alone explains the failure: a re-run without it came out right, or nothing else explains it."""
     rests_on: str = ""
     """The re-run that came out right; empty where none was needed."""
     iteration: Index | None = None
-    """Where to look; 0 = before the first. None: nowhere in particular."""
+    """Iteration that shows it; 0 = before the first, None = none in particular."""
     try_: Mapping[str, SettingValue] | None = None
     """Settings that may help, such as ``method.exploration``."""
     short: str = ""
     """The text in a few words, for one line; empty where the title of the cause says it."""
     detail: str = ""
-    """Goes on behind ``title`` where there is room: a number."""
+    """A number to append to ``title`` where there is room."""
 
     @property
     def title(self) -> str:

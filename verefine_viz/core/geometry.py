@@ -20,14 +20,14 @@ RIGID_TOLERANCE = 0.05
 are 0.01 off."""
 
 ROUNDED = 1e-3
-"""From here on the rotations of a file are counted, and noted once [-]."""
+"""Deviation of RᵀR from which rotations of a file are counted, for one note [-]."""
 
 ORTHONORMAL_TOLERANCE = 1e-9
-"""Below this RᵀR counts as the identity and a pose is left as it is [-]."""
+"""Deviation of RᵀR below which a pose is left as it is [-]."""
 
 FARTHEST_M = 100.0
-"""No object that a camera measures is further from it than this [m]: such a pose is that of an estimator which failed,
-or its millimetres were taken for metres. The simulator takes none either."""
+"""Largest distance of an object from the camera [m]. A pose beyond comes from an estimator that failed, or from
+millimetres taken for metres; the simulator cannot take it."""
 
 
 def transform(R: ArrayLike, t: ArrayLike) -> Float:
@@ -72,7 +72,7 @@ def as_rigid(value: ArrayLike, name: str) -> Float:
     deviation, determinant, last_row = _deviations(T)
     exact = deviation <= ORTHONORMAL_TOLERANCE and last_row <= ORTHONORMAL_TOLERANCE and determinant > 0
     if exact and math.isfinite(float(T.sum())):
-        return T  # The same bits, so that checking a pose twice never changes it.
+        return T  # Unchanged bits, so that checking a pose twice never changes it.
     finite(T, name, (4, 4))
     if deviation > RIGID_TOLERANCE or determinant <= 0:
         wrong = "it is a mirror image" if determinant < 0 else f"RᵀR is {deviation:.2g} from the identity"
@@ -95,11 +95,11 @@ def rounding_note(
 
     Args:
         what: what the file is called.
-        rotations: all of the file, (3, 3) each, as they are written; those that are none do not count.
+        rotations: all rotations of the file, (3, 3) each, as written; matrices that are no rotation do not count.
         use: what becomes of them.
 
     Returns:
-        How many, and how far at most; empty where there are none. Numbers stand in brackets at its end.
+        The note: how many, and the largest deviation, in brackets at its end; empty where there are none.
     """
     R = np.array([*rotations], dtype=np.float64).reshape(-1, 3, 3)
     off = rotation_faults(R)
@@ -127,9 +127,9 @@ def check_reach(t_m: Float, name: str) -> None:
 
 
 def _is_orthonormal(T: Float) -> bool:
-    """Whether T is rigid beyond doubt: every pose of every record passes here, most of them several times.
+    """Whether T is rigid beyond doubt. Every pose of every record is tested here, most of them several times.
 
-    In plain floats, as numpy takes ten times as long on 3×3; each comparison is false for NaN.
+    Plain floats are used, as numpy takes ten times as long on 3×3; each comparison is false for NaN.
     """
     (a, b, c, x), (d, e, f, y), (g, h, i, z), last = T.tolist()
     small = ORTHONORMAL_TOLERANCE
@@ -231,7 +231,7 @@ def random_unit_vector(rng: np.random.Generator) -> Float:
 
 
 def n_within_reach(Ts_cam_obj: Float) -> int:
-    """How many poses (N, 4, 4) of a path come before the first that is too far away, or is none; its start counts."""
+    """Number of poses (N, 4, 4) of a path before the first too far away or not finite; the start always counts."""
     far = np.flatnonzero(~(np.linalg.norm(Ts_cam_obj[1:, :3, 3], axis=1) <= FARTHEST_M))
     return 1 + int(far[0]) if len(far) else len(Ts_cam_obj)
 

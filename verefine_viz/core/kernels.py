@@ -27,9 +27,9 @@ from verefine_viz.core.writing import atomic, wait_for_lock
 
 PACKAGE = Path(__file__).resolve().parents[1]
 OF_KERNELS = (b"@kernel", b"(NamedTuple)")
-"""What the source of a kernel, or of a type that is handed to one, holds."""
+"""Text that the source of a kernel, or of a type passed to one, contains."""
 OWNER = "verefine-viz.txt"
-"""A file in each folder: the package that made it."""
+"""File in each folder that names the package it was made for."""
 LOCK = "saving.lock"
 """A file beside the kernels of a module, which is locked while one is saved."""
 

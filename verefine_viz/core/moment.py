@@ -16,7 +16,7 @@ MomentKind = Literal["start", "before", "after", "gained", "answer", "truth", "a
 MomentLayer = Literal["", "mask", "plane", "axes"]
 
 ROLE_NAMES = {"best": "answer", "runner-up": "fits too"}
-"""What roles are called in a film, where not as stages are."""
+"""Words for roles in a film that are not named like stages."""
 LAYER_COLORS: dict[str, tuple[str, RGB]] = {
     "mask": ("mask", OBJECT_COLORS[0]),
     "plane": ("support plane", SCENE_COLORS["plane"]),
@@ -38,13 +38,13 @@ class Moment(Struct, frozen=True, eq=False):
     """At most twelve words."""
     map: MapName = "classes"
     arm: Index | None = None
-    """Index of the hypothesis that it is about; None: of none."""
+    """Index of the hypothesis that the moment is about; None = no single one."""
     layer: MomentLayer = ""
-    """What is drawn beside the poses: its mask, pixels on the support plane, axes of the first pose."""
+    """Further drawings: the object's mask, pixels on the support plane, axes of the first pose."""
 
     @property
     def title(self) -> str:
-        """Where it stands in the run, in a few words."""
+        """Place of the moment in the run, in a few words."""
         ends = {
             "answer": "Answer",
             "truth": "Ground truth",

@@ -1,5 +1,5 @@
-"""Refiners, verifiers, estimators and simulators of a user's program: what they are lent, what goes wrong in them, and
-those that a caller hands over as objects.
+"""Refiners, verifiers, estimators and simulators of a user's program: arrays lent to them, their errors, and parts
+that a caller hands over as objects.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _LENDER = "_lender"
 
 @dataclass(frozen=True, eq=False)
 class OwnParts:
-    """Parts that a caller handed over, by the names that settings have for them; others are looked up by name."""
+    """Parts that a caller handed over, by their names in the settings; other parts are looked up by name."""
 
     refiners: Mapping[str, Refiner] = field(default_factory=dict)
     estimators: Mapping[str, Estimator] = field(default_factory=dict)
@@ -48,7 +48,7 @@ NO_PARTS = OwnParts()
 
 @contextmanager
 def own_part(part: str) -> Iterator[None]:
-    """Name the part in what it raises, and where in the user's file it was raised.
+    """Name the part, and the line of the user's file, in an error that the part raises.
 
     Args:
         part: kind and name, as "simulator drop".
@@ -59,7 +59,7 @@ def own_part(part: str) -> Iterator[None]:
     try:
         yield
     except VerefineError:
-        raise  # It is cancelled, or says in one line what is wrong.
+        raise  # Cancelled, or an error that says in one line what is wrong.
     except Exception as error:
         frames = [frame for frame in extract_tb(error.__traceback__) if not frame.filename.startswith(_PACKAGE)]
         own = [frame for frame in frames if frame.filename == frames[0].filename]
@@ -70,9 +70,9 @@ def own_part(part: str) -> Iterator[None]:
 class Lender:
     """Lends frames, models and poses to one part: their values, in arrays of its own that it may write into.
 
-    An array is copied when the part first looks at it in a call, and forgotten after the call: whatever is written, the
-    next call sees what was observed. What is lent for the same record is the same object in every call, so that a part
-    can cache by it.
+    An array is copied when the part first looks at it in a call, and the copy is dropped after the call: whatever the
+    part writes, its next call sees the original values. A record is lent as the same object in every call, so that a
+    part can cache by it.
 
     Args:
         part: kind and name, as "simulator drop".
@@ -85,7 +85,7 @@ class Lender:
 
     @contextmanager
     def call(self, *given: Any) -> Iterator[tuple[Any, ...]]:
-        """What the part gets for some arguments, as long as it is called.
+        """The twins of some arguments that the part gets, during one call.
 
         Raises:
             PartError: it raised something.
@@ -97,7 +97,7 @@ class Lender:
             self._copies.clear()
 
     def lent(self, value: Any) -> Any:
-        """A copy of an array, a twin of a record of this package; else the value itself."""
+        """A copy of an array, a twin of a record of this package, else the value itself."""
         if isinstance(value, np.ndarray):
             return value.copy()
         if isinstance(value, tuple | list):
@@ -114,7 +114,7 @@ class Lender:
         return twin
 
     def copy_of(self, owner: int, name: str, value: Any) -> Any:
-        """What a field of a twin holds during this call."""
+        """Value of a twin's field during this call."""
         if (owner, name) not in self._copies:
             self._copies[owner, name] = self.lent(value)
         return self._copies[owner, name]

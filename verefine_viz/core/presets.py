@@ -1,4 +1,4 @@
-"""What a preset sets: what is recommended, the paper's choices, or those of the authors' public code.
+"""Presets: recommended values, the paper's choices, or those of the authors' public code.
 
 docs/methods.md 1.8 lays the presets side by side, with the reasons; a test compares it with this file.
 """
@@ -92,7 +92,7 @@ PRESETS: dict[str, Fields] = {
         },
     },
 }
-"""By name. What a preset leaves open has the value that stands at its field."""
+"""Presets by name. A field that a preset leaves out has its own default."""
 
 WITH_REFINER: dict[tuple[str, str], Fields] = {
     ("recommended", "depth_net_icp"): {"score": {"colour_weight": 0.1}, "hypotheses": {"flips": True}},
@@ -109,7 +109,7 @@ WITH_REFINER: dict[tuple[str, str], Fields] = {
 
 
 def preset_fields(preset: str, refiner: str | None = None) -> dict[str, dict[str, Any]]:
-    """What a preset sets, with what it sets for a refiner; None = the preset's own. Nothing of an unknown preset."""
+    """Values that a preset sets with a refiner (None = the preset's own); empty for an unknown preset."""
     fields = PRESETS.get(preset, {})
     of_refiner = WITH_REFINER.get((preset, refiner or fields.get("method", {}).get("refiner", "")), {})
     return {s: {**fields.get(s, {}), **of_refiner.get(s, {})} for s in {**fields, **of_refiner}}

@@ -1,4 +1,4 @@
-"""What a method is asked to solve: a frame, its instances with their hypotheses, and how they depend on each other
+"""The problem that a method solves: a frame, its instances with their hypotheses, and how they depend on each other
 (docs/methods.md 2).
 """
 
@@ -32,7 +32,7 @@ class Edge:
     """instance_id; the lower of the two for contact."""
     second: int
     strength: float
-    """What decides which edge of a cycle is weakest, in [0, 1]."""
+    """Strength in [0, 1]; the weakest edge of a cycle is left out."""
     evidence: str
     """With numbers and units: "5 mm apart", "64 % of its footprint, 2 mm above"."""
     state: EdgeState = "used"
@@ -42,17 +42,17 @@ class Edge:
 
 @dataclass(frozen=True)
 class DependencyGraph:
-    """The edges and what follows from them."""
+    """The dependencies of a frame's instances: edges, and the order that follows."""
 
     edges: tuple[Edge, ...]
     clusters: tuple[tuple[int, ...], ...]
     """Groups of instances that may interact, front to back; each in the order to solve it: a supporter comes before
     what rests on it. Every instance of the problem appears once."""
     support_lists: tuple[tuple[int, ...], ...]
-    """Each a base object and what rests on it, in the order of ``clusters``."""
+    """Groups of a base object and what rests on it, in the order of ``clusters``."""
     source: Literal["recommended", "published", "given"]
     notes: tuple[str, ...] = ()
-    """For the user: cycles, ids in a given order that are not in the frame, …"""
+    """Notes for the user: cycles, ids in a given order that are not in the frame, …"""
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -82,7 +82,7 @@ class Hypothesis:
     confidence: float
     """The estimator's own score; only its order matters."""
     source: str
-    """Where it comes from, as shown to the user: "cosypose", "perturbed 30° 30 mm #3", …"""
+    """Origin of the pose, as shown to the user: "cosypose", "perturbed 30° 30 mm #3", …"""
     tracked_from: str = ""
     """The earlier frame whose answer it is; "" = none."""
 
@@ -91,7 +91,7 @@ class Hypothesis:
 
 
 SAME_POSE = 1e-5
-"""Poses whose numbers differ by less are one that a program rounded."""
+"""Largest difference of the numbers of two poses that are one pose, rounded by a program."""
 ANSWER = "answer"
 """Name of the recorded step with which a program ends."""
 
@@ -107,7 +107,7 @@ class RecordedStep:
     name: str = "refined"
     """What the program calls the step."""
     score: float | None = None
-    """The program's own, in its own units."""
+    """Score by the program, in its own units."""
     ms: float = 0.0
     """How long it took [ms]; 0 = unknown."""
     note: str = ""
@@ -151,7 +151,7 @@ class Instance:
         return f"<Instance {self.instance_id} of object {self.obj_id}: {len(self.points_cam)} points>"
 
     def recorded_score(self, T_cam_obj: Float) -> float | None:
-        """The score that the other program last gave to this pose (4, 4); None where it gave none."""
+        """The last score of this pose (4, 4) by the other program; None where it gave none."""
         scored = [(step.T_cam_obj, step.score) for step in reversed(self.recorded)]
         scored += [(h.T_cam_obj, s) for h, s in zip(self.hypotheses, self.recorded_scores, strict=False)]
         same = (s for T, s in scored if s is not None and np.abs(T - T_cam_obj).max() < SAME_POSE)
@@ -163,7 +163,7 @@ class LeftOut:
     """An object that is in the frame and not among the instances to solve: its mask or its model cannot be used."""
 
     instance_id: int | None
-    """As :class:`Instance`; None where masks are detections, as this object has none."""
+    """The instance_id; None where masks are detections, as this object has none."""
     obj_id: int
     name: str
     why: str
@@ -172,7 +172,7 @@ class LeftOut:
     """Whether its ground-truth pose is known."""
     visib_fract: float | None = None
     is_unreadable: bool = False
-    """A file of it is missing or damaged, which can be mended; else the data are like that."""
+    """Whether a file of it is missing or damaged, which can be mended; else there is none to mend."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +187,7 @@ class Target:
         return f"<Target {self.model.name} (#{self.instance.instance_id}): {len(self.instance.hypotheses)} hypotheses>"
 
     def left_out(self, why: str, is_unreadable: bool = False) -> LeftOut:
-        """The object where it cannot be solved."""
+        """The object as one that cannot be solved."""
         i, has_truth = self.instance, self.instance.T_cam_obj_gt is not None
         return LeftOut(i.instance_id, i.obj_id, self.model.name, why, has_truth, i.visib_fract, is_unreadable)
 
@@ -215,7 +215,7 @@ class Problem:
     title: str = ""
     """As shown to the user: data set or demo scene."""
     notes: tuple[str, ...] = ()
-    """About the data, for the user: units guessed, masks missing, …"""
+    """Notes about the data, for the user: units guessed, masks missing, …"""
     left_out: tuple[LeftOut, ...] = ()
     """Objects that are in the frame but cannot be solved; they count as missed."""
     dependencies: DependencyGraph | None = None

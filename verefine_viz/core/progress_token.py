@@ -1,4 +1,4 @@
-"""Long work reports what it is doing, and ends early once its result is not wanted any more."""
+"""Reports from long work, and its cancellation once its result is no longer wanted."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ class ProgressToken:
     is_wanted: Callable[[], bool] = lambda: True
     """False once the work is cancelled."""
     report_once: Callable[[str], None] = lambda doing: None
-    """Gets only what may take a minute, happens once and is cached on disk: all that a batch of hundreds of frames
+    """Gets only work that may take a minute, happens once and is cached on disk: all that a batch of hundreds of frames
     shows."""
     preparing: Callable[[], AbstractContextManager[object]] = nullcontext
-    """Entered while models are read and prepared, which later frames need not repeat; measures the time of it."""
+    """Entered while models are read and prepared, which later frames need not repeat; measures that time."""
     seen: Callable[[NDArray[np.uint8] | None], None] = lambda rgb: None
     """Gets the photo of a frame (H, W, 3), None = it has none, as soon as it is read: before anything is prepared."""
 
     def checkpoint(self, doing: str = "", share: float | None = None) -> None:
-        """Reports what is done next, or how much of it is done, where either is given.
+        """Report what is done next, or how much of it is done, where either is given.
 
         Raises:
             Cancelled: the result is not wanted any more.
@@ -67,4 +67,4 @@ class ProgressToken:
 
 
 NEVER_CANCELLED = ProgressToken()
-"""For callers that wait until the end and need no reports."""
+"""Token for callers that wait until the end and need no reports."""

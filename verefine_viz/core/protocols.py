@@ -1,7 +1,8 @@
-"""What can be plugged in. A new refiner, simulator or verifier is one class that has the method named here.
+"""Protocols of the parts that can be plugged in.
 
-Every answer depends on the arguments only: the same call after any history gives the same bits. Parts of other programs
-get arrays of their own (core/own_parts.py).
+A new refiner, simulator or verifier is one class that has the method named here. Every answer depends on the arguments
+only: the same call after any history gives the same bits. Parts of other programs get arrays of their own
+(core/own_parts.py).
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from verefine_viz.core.settings import ScoreSettings
 
 
 class Refiner(Protocol):
-    """Improves a pose from what was observed.
+    """Improves a pose by the observation.
 
-    ``target`` has it all: the cloud and the mask of the instance, depth, colour and camera of the frame, the model. A
-    refiner that draws the model has a renderer of its own (rendering/mesh.py, rendering/rasterizer.py). Arrays that a
-    refiner of another program is given are its own for the call, to write into as well.
+    ``target`` has everything: cloud and mask of the instance, depth, colour and camera of the frame, the model. A
+    refiner that draws the model has a renderer of its own (rendering/mesh.py, rendering/rasterizer.py). A refiner of
+    another program gets arrays of its own for the call, and may write into them.
     """
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
@@ -75,7 +76,7 @@ class Verifier(Protocol):
         ...
 
     def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Callable[[], Scores] | None:
-        """Starts what :meth:`score` does while the caller goes on; calling what is returned waits for the scores.
+        """Start :meth:`score` while the caller goes on; calling the result waits for the scores.
 
         None where it cannot be done beside the caller: by OpenGL, or without a second processor.
         """
@@ -141,7 +142,7 @@ class Estimator(Protocol):
 
 
 class RunState(Protocol):
-    """What every method's state shows. States are immutable."""
+    """State of a run, as every method has it. States are immutable."""
 
     @property
     def problem(self) -> Problem: ...
@@ -186,19 +187,19 @@ class Method(Protocol[S]):
 
     @property
     def verifier(self) -> Verifier:
-        """What it scores poses with."""
+        """The verifier that it scores poses with."""
         ...
 
     @property
     def refiner(self) -> Refiner | None:
-        """What it refines with; None where it repeats recorded steps."""
+        """The refiner; None where the method repeats recorded steps."""
         ...
 
     def rescored(self, state: S) -> S:
-        """The state with every pose in it re-scored by :attr:`verifier`: another one had scored them.
+        """The state with all poses scored again by :attr:`verifier`, after another verifier had scored them.
 
         Raises:
-            InputError: what the method goes by cannot be re-scored.
+            InputError: the method decides by something that cannot be scored again.
         """
         ...
 

@@ -1,6 +1,6 @@
-"""What every iteration leaves behind: enough to redraw it without running anything.
+"""Records of iterations: enough to redraw each without running anything.
 
-Records are made from what was checked where it came in (refiner, simulator, edits, files), and are not checked again.
+Their content was checked where it came in (refiner, simulator, edits, files), and is not checked again.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from verefine_viz.core.number_kinds import Id, Index, Real
 from verefine_viz.core.scores import PoseScore
 
 Number = Annotated[int, Meta(ge=1, le=2**31)]
-"""What is counted from 1. Bounds hold for what is read."""
+"""A number counted from 1. Bounds are checked when a file is read."""
 
 
 class Contacts(Struct, frozen=True, eq=False):
-    """Where a simulated object touches something, at one step."""
+    """Contacts of a simulated object at one step."""
 
     points_cam: Float
-    """(n, 3) [m]."""
+    """(n, 3) positions [m]."""
     normals_cam: Float
     """(n, 3) unit, pointing onto the moving object."""
     depths_m: Float
@@ -33,10 +33,10 @@ class Contacts(Struct, frozen=True, eq=False):
     forces_n: Float
     """(n,) normal force [N]."""
     others: NDArray[np.int64]
-    """(n,) instance_id of what is touched; −1 is the support, less an unknown object (``core/surroundings.py``)."""
+    """(n,) instance_id of what is touched; −1 is the support, below are unknown objects (``core/surroundings.py``)."""
 
     def split(self, ends: Sequence[int]) -> tuple[Contacts, ...]:
-        """Part the contacts of all steps into those of each step, which go from the last of ``ends`` up to its own."""
+        """Split the contacts of all steps into those of each step; ``ends`` has the end index of each step."""
         parts = [slice(*part) for part in pairwise((0, *ends))]
         return tuple(
             Contacts(self.points_cam[k], self.normals_cam[k], self.depths_m[k], self.forces_n[k], self.others[k])
@@ -48,21 +48,22 @@ NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros
 
 
 class Tipping(Struct, frozen=True):
-    """That a simulated object does not stand: it touches something, and its centre of mass is not supported."""
+    """Evidence that a simulated object does not stand: it touches something, but its centre of mass is unsupported."""
 
     overhang_m: Real
     """Distance of the centre of mass to what supports the object, seen along gravity [m]."""
     step: Number
-    """1, 2, …: at the end of which step. The last one, or the first that touched where it fell over until the end."""
+    """The step, 1, 2, …, at whose end this holds: the last one, or, where it fell over until the end, the first with a
+    contact."""
 
 
 class SimulatedPath(Struct, frozen=True, eq=False):
-    """What physics did to an object, pose by pose."""
+    """Path of a simulated object, pose by pose."""
 
     Ts_cam_obj: Float
-    """(S + 1, 4, 4): the start, then one pose per step [m]."""
+    """(S + 1, 4, 4) the start, then a pose for each of S steps [m]."""
     contacts: tuple[Contacts, ...]
-    """One per step, S of them: contacts at the end of the step."""
+    """Contacts at the end of each of the S steps."""
     tipping: Tipping | None = None
     """None: it stands, falls freely, or sinks in too deep to decide."""
 
@@ -78,7 +79,7 @@ TIMES = ("ms", "score_ms", "spent_s", "ms_refine", "ms_simulate", "ms_score", "m
 StageName = Literal["initial", "current", "simulated", "mixed", "refined", "flipped", "edited"]
 
 MarkKind = Literal["flip", "jump", "lost", "recovered"]
-"""What stands out of an object over the frames of a sequence (``evaluation/pose_motion.py``)."""
+"""What can stand out in an object's motion over the frames of a sequence (``evaluation/pose_motion.py``)."""
 
 EventKind = Literal[
     "kept_simulated",
@@ -104,7 +105,7 @@ class Stage(Struct, frozen=True, eq=False):
     name: StageName
     T_cam_obj: Float
     score: PoseScore | None = None
-    """None where the method has no reason to score it (the mixed pose only starts the refiner)."""
+    """None where the method does not score the pose (the mixed pose only starts the refiner)."""
     ms: Real = 0.0
     """Time it took to compute the pose [ms]."""
 
@@ -159,48 +160,48 @@ class PlacedPose(Struct, frozen=True, eq=False):
 
 
 class SceneRecord(Struct, frozen=True, eq=False):
-    """What closes a pass over the objects of a cluster: how well their poses explain the scene together."""
+    """End of a pass over the objects of a cluster: how well their poses explain the scene together."""
 
     poses: tuple[PlacedPose, ...]
     """Poses of this pass, in dependency order."""
     score: PoseScore
     """Scene score of this pass."""
     best_known: PoseScore
-    """Scene score of each object's best pose so far, put together."""
+    """Scene score of the best poses so far of all objects, together."""
     reward: Real
-    """What the arms that were chosen in this pass got."""
+    """Reward of the arms that were chosen in this pass."""
     incumbent: tuple[PlacedPose, ...]
     """The combination with the highest scene score ever seen."""
     incumbent_score: Real
 
 
 class TreeNode(Struct, frozen=True, eq=False):
-    """One node of a search tree: an object placed from one of its hypotheses, after those of the nodes above."""
+    """One node of a search tree: an object placed from one of its hypotheses, after the objects of the nodes above."""
 
     node: Index
-    """0 is the root, in which nothing is placed; numbered as they came about."""
+    """Number of the node in the order of creation; 0 is the root, in which nothing is placed."""
     parent: Index
     instance_id: Id
     arm: Index
     lcp: Real
-    """Share of the model's points that the segment explains at the hypothesis, in [0, 1]: what was tried first."""
+    """Share of the model's points that the segment explains at the hypothesis, in [0, 1]; high ones are tried first."""
     T_cam_obj: Float
-    """After refinement and simulation."""
+    """The pose after refinement and simulation."""
 
 
 class TreeStep(Struct, frozen=True, eq=False):
-    """What one iteration did to the search tree. The tree is what all steps so far add up to."""
+    """Change of the search tree by one iteration; all changes so far add up to the tree."""
 
     cluster: Index
     """Each cluster has a tree of its own, with nodes numbered from 0."""
     branch: tuple[Index, ...]
-    """Nodes from the root to the one visited, which is the new one unless the tree is complete there."""
+    """Nodes from the root to the visited one, which is new unless the tree is complete there."""
     node: TreeNode | None
-    """The node that was added; None where the branch was expanded to its end before."""
+    """The added node; None where the branch was already expanded to its end."""
     choices: tuple[str, ...]
-    """Why each node of the branch after the root was chosen, in words."""
+    """Why each node of the branch below the root was chosen, in words."""
     rollout: tuple[PlacedPose, ...]
-    """The rest of the scene as it was completed, object by object."""
+    """The poses that completed the rest of the scene, object by object."""
     rollout_arms: tuple[Index, ...]
     cost_px: Real
     """Pixels of the complete scene that are not explained; added to every node of the branch, with one visit."""
@@ -213,33 +214,33 @@ class Iteration(Struct, frozen=True, eq=False):
     """One step of a method."""
 
     index: Number
-    """1, 2, … over the whole run."""
+    """Number of the iteration, 1, 2, … over the whole run."""
     instance_id: Id
     obj_id: Id
     arm: Index
     """Index of the hypothesis that was worked on."""
     arm_iteration: Number
-    """1, 2, … for this arm."""
+    """Number of the iteration among those of this arm, 1, 2, …."""
     stages: tuple[Stage, ...]
-    """In the order they came about; "current" first."""
+    """Stages in the order in which they were computed; "current" first."""
     accepted: StageName
     """The stage that the next iteration of this arm starts from."""
     best: Best
-    """Best of this object after this iteration."""
+    """Best pose of this object after this iteration."""
     path: SimulatedPath | None = None
     choice: Choice | None = None
     """None for methods that do not choose between hypotheses."""
     events: tuple[Event, ...] = ()
     placed: tuple[PlacedPose, ...] = ()
-    """Other objects that stood in the simulation, and in the score as what may hide, in the order they were placed."""
+    """Other objects in the simulation, which may also hide parts in the score, in the order they were placed."""
     scene_pass: Number | None = None
-    """vf_depth: 1, 2, … of its cluster."""
+    """Number of the pass over its cluster, 1, 2, …; vf_depth only."""
     scene: SceneRecord | None = None
-    """Closes a pass, on the iteration of its last object."""
+    """End of a pass, at the iteration of its last object; vf_depth only."""
     tree: TreeStep | None = None
-    """physim_mcts."""
+    """Change of the search tree; physim_mcts only."""
     score_ms: Real = 0.0
-    """Time the iteration waited for its scores [ms]; those worked out beside the refiner cost it none."""
+    """Time the iteration waited for its scores [ms]; scores computed while the refiner runs cost none."""
 
     def __repr__(self) -> str:
         score = self.accepted_stage.score
@@ -255,7 +256,7 @@ class Iteration(Struct, frozen=True, eq=False):
 
     @property
     def before_refined(self) -> Stage | None:
-        """Where the refiner began; None in an iteration without it."""
+        """The pose that the refiner started from; None in an iteration without it."""
         return next((before for before, after in pairwise(self.stages) if after.name == "refined"), None)
 
     @property

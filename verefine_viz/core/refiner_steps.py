@@ -27,9 +27,9 @@ class RefinerStep:
     """
 
     crops: Mapping[str, NDArray[np.float32] | NDArray[np.uint8]]
-    """By name, what it saw, all of one size: numbers (H, W), NaN where there are none, or colours (H, W, 3)."""
+    """Images that it saw, by name, all of one size: numbers (H, W), NaN = none, or colours (H, W, 3)."""
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """By name of a crop of numbers: its darkest and brightest one; of others the smallest and the largest number."""
+    """Numbers drawn darkest and brightest, by name of a crop; without an entry, its smallest and largest number."""
     turn: Float = field(default_factory=lambda: np.zeros(3))
     """(3,) the answer's rotation vector [rad], in the frame of the crop: x right, y down, z away."""
     shift_m: Float = field(default_factory=lambda: np.zeros(3))
@@ -37,13 +37,13 @@ class RefinerStep:
     centre_px: Float | None = None
     """(2,) where the object's centre is in the crop: column, row; None = in the middle."""
     px_per_m: float = 0.0
-    """At the object's distance; 0 = the shift is not drawn to scale, only its number is shown."""
+    """Scale at the object's distance; 0 = the shift is not drawn to scale, only its number is shown."""
     points_px: Float | None = None
     """(n, 2) sampled points: column, row; None = it takes whole crops."""
     is_taken: bool = True
     """Whether the pose followed the answer."""
     expected_mm: float | None = None
-    """The mean error of the object's points that it expects to be left [mm]; None = it does not say."""
+    """Mean error of the object's points that it expects to remain [mm]; None = it does not say."""
     trained_mm: float | None = None
     """The largest such error that it was trained on [mm]."""
     confidence: float | None = None
@@ -61,7 +61,7 @@ class RefinerStep:
 
 @dataclass(frozen=True)
 class TrainedRange:
-    """How far from the ground truth a pose may be that a refiner was trained to correct."""
+    """Largest errors of a pose that a refiner was trained to correct."""
 
     rotation_deg: float
     """Largest rotation [deg]."""

@@ -1,4 +1,4 @@
-"""Changes of settings that may keep a cause from doing harm, each named as tables and the command line have it."""
+"""Remedies: changes of settings that may keep a cause from doing harm, with their names in tables and commands."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ SettingValue = bool | float | str
 
 @dataclass(frozen=True)
 class Remedy:
-    """One setting, and what it becomes: a value, a weight of at least so much, or so many times what it is."""
+    """A change of one setting: to a value, to a weight of at least some value, or to a multiple of the present one."""
 
     setting: str
-    """Dotted name."""
+    """Dotted name of the setting."""
     to: SettingValue | None = None
-    """None: a multiple of what it is."""
+    """New value; None = a multiple of the present one."""
     times: float = 1.0
     times_number: str = ""
-    """The number of a finding that says how many times; where it has none, :attr:`times`."""
+    """Name of the finding's number that gives the factor; without that number it is :attr:`times`."""
     at_least: float = 0.0
-    """Least value of a multiple, whatever it is of."""
+    """Least value that a multiple may give."""
 
     def for_finding(self, numbers: Mapping[str, float]) -> Remedy:
-        """The remedy as the numbers of a finding have it."""
+        """The remedy with its factor from the numbers of a finding."""
         return Remedy(self.setting, self.to, numbers.get(self.times_number, self.times), "", self.at_least)
 
     @property
     def name(self) -> str:
-        """``physics.enabled = false``, ``method.iterations x2``."""
+        """Name of the remedy: ``physics.enabled = false``, ``method.iterations x2``."""
         if self.to is None:
             return f"{self.setting} x{self.times:g}"
         return f"{self.setting} = {self.to if isinstance(self.to, str) else json.dumps(self.to)}"
 
     def changes(self, session: Session) -> dict[str, SettingValue]:
-        """The setting with its value, by dotted name; nothing where the session has that value."""
+        """The setting's new value by dotted name; empty where the session has it already."""
         section, _, field = self.setting.partition(".")
         now = getattr(getattr(session, section), field)
         value = max(now, self.to) if isinstance(self.to, float) else self.to

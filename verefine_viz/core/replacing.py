@@ -1,4 +1,4 @@
-"""Files and folders that take their places together: all of them, or none; what was there is kept."""
+"""Replaces files and folders together: all of them, or none; what was there is kept."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ REPLACED = "replaced"
 
 @contextmanager
 def taking_places(places: Sequence[Path], overwrite: bool = False) -> Iterator[Mapping[Path, Path]]:
-    """Paths to write to, one beside each place, for a file or a folder that the block makes there; they take their
-    places in this order when it ends without an error. Where it makes none, the place stays as it is.
+    """Paths to write to, one beside each place, for files and folders that the block makes there. When it ends without
+    an error, they take their places in this order; a place for which nothing was made stays as it is.
 
-    A process that is killed while they do, an instant, leaves the first ones in place; before, nothing.
+    A process that is killed in that instant leaves the first ones in place; before, nothing is in place.
 
     Args:
-        places: where each belongs; the folders around them are there, and no links.
-        overwrite: whether what is there may be moved to a folder ``replaced-N`` beside it.
+        places: where each belongs; the folders that hold them exist and are no links.
+        overwrite: whether existing files and folders may be moved to a folder ``replaced-N`` beside them.
 
     Raises:
         InputError: something is there and ``overwrite`` is not set, or a path cannot be written; all is as before.
@@ -61,7 +61,7 @@ def _remove(part: Path) -> None:
 
 
 def _replacements(there: Sequence[Path]) -> list[tuple[Path, Path]]:
-    """What is there, and where it is kept: those of one folder in a new folder there."""
+    """Existing files and the places where they are kept: those of one folder in one new folder inside it."""
     kept: dict[Path, str] = {}
     for path in there:
         if path.parent not in kept:

@@ -1,4 +1,4 @@
-"""The verification score of poses, with everything that explains it."""
+"""The verification score of poses, with the parts and maps that explain it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MapName = Literal[
     "observed", "rendered", "difference", "angle", "f_d", "f_n", "classes", "observed_colour", "rendered_colour",
     "correlation",
 ]  # fmt: skip
-"""What is shown of the pixels: the sensor's depth, and what :class:`ScoreMaps` holds."""
+"""Maps that can be shown: the sensor's depth, and those of :class:`ScoreMaps`."""
 MAP_NAMES: tuple[MapName, ...] = get_args(MapName)
 COLOUR_MAPS: tuple[MapName, ...] = ("observed_colour", "rendered_colour", "correlation")
 """The maps without a value where the colour term is off."""
@@ -68,7 +68,7 @@ class PoseScore(Struct, frozen=True, eq=False):
 
     @property
     def colour_part(self) -> float:
-        """What colour adds to the score: w max(f_c, 0), of the share that is not plausibility's."""
+        """Part of the score that comes from colour: w max(f_c, 0), times the share that plausibility leaves."""
         return (1 - self.plausibility_weight) * self.colour_weight * max(self.colour_fit or 0.0, 0.0)
 
     @property

@@ -1,4 +1,4 @@
-"""What settings are made of: their base, the kinds of values that they have, and their bounds in words."""
+"""Building blocks of settings: their base class, the kinds of their values, and bounds in words."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ class Settings(Struct, frozen=True, forbid_unknown_fields=True):
 
 # Bounds are far beyond sense: they keep a slip of the keyboard from filling the memory or running for ever.
 Count = Annotated[int, Meta(ge=1, le=10_000)]
-"""How many of something: iterations, hypotheses, steps."""
+"""A count of iterations, hypotheses or steps."""
 LargeCount = Annotated[int, Meta(ge=1, le=1_000_000)]
-"""A number of points, bases, bins: of thousands."""
+"""A count of points, bases or bins, which may be many thousands."""
 Length = Annotated[float, Meta(ge=1e-5, le=10)]
-"""A distance that something is compared with or divided into [m]."""
+"""A distance used as a threshold or a cell size [m]."""
 LengthOrNone = Annotated[float, Meta(ge=0, le=10)]
 """A length, where 0 switches something off [m]."""
 Share = Annotated[float, Meta(gt=0, lt=1)]
-"""A part of a whole, neither none nor all of it."""
+"""A share, above 0 and below 1."""
 Weight = Annotated[float, Meta(ge=0, le=1e6)]
-"""What a term is multiplied by."""
+"""Weight of a term."""
 InputPath = Annotated[str, Meta(pattern=r"\A[^\0]*\Z")]
-"""Where a file or folder lies."""
+"""Path of a file or folder."""
 Component = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Gravity = Literal["plane", "world"] | tuple[Component, Component, Component]
 Order = tuple[tuple[Index | str, ...], ...]

@@ -1,4 +1,4 @@
-"""What stands around the objects and has no model: surfaces that support them, other solids, objects that are unknown.
+"""Surroundings of the objects, without models: surfaces that support them, other solids, unknown objects.
 
 All of it stays where it is. Coordinates are those of the support's world frame: +z against gravity.
 """
@@ -16,7 +16,7 @@ from verefine_viz.core.arrays import Float, Mask, finite, frozen, set_fields
 from verefine_viz.core.model import ObjectModel
 
 SUPPORT_ID = -1
-"""instance_id of what supports the objects: the support plane, and all surroundings but unknown objects."""
+"""instance_id of everything that supports the objects: the support plane, and all surroundings but unknown objects."""
 
 
 def unknown_id(number: int) -> int:
@@ -31,14 +31,14 @@ def unknown_number(instance_id: int) -> int | None:
 
 @dataclass(frozen=True, eq=False)
 class SupportSurface:
-    """A plane that supports: all of it, or what lies within an outline."""
+    """A plane that supports objects, everywhere or within an outline."""
 
     normal_world: Float
     """(3,) unit, up."""
     offset_m: float
     """``normal · p + offset_m`` is the height of p above the plane [m]."""
     outline_xy: Float
-    """(m, 2) corners seen from above, anticlockwise and convex [m]; none: without end."""
+    """(m, 2) corners seen from above, anticlockwise and convex [m]; none = the plane is unbounded."""
 
     def __post_init__(self) -> None:
         set_fields(
@@ -62,7 +62,7 @@ class SupportSurface:
 
     @cached_property
     def box_xy(self) -> tuple[list[float], list[float]]:
-        """The lowest x and y of the outline, which has an end, and the highest [m]."""
+        """The lowest x and y of the outline, which must have corners, and the highest [m]."""
         return self.outline_xy.min(axis=0).tolist(), self.outline_xy.max(axis=0).tolist()
 
     @cached_property
@@ -73,7 +73,7 @@ class SupportSurface:
         return inward, -(inward * self.outline_xy).sum(axis=1)
 
     def reaches(self, xy: Float, beyond_m: float = 0.0) -> NDArray[np.bool_]:
-        """(n,) which of the points (n, 2) lie within the outline, or no more than ``beyond_m`` outside of it."""
+        """(n,) which of the points (n, 2) lie within the outline, or at most ``beyond_m`` outside."""
         inward, offsets = self.edges
         return np.all(xy @ inward.T + offsets >= -beyond_m, axis=1)
 
@@ -85,11 +85,11 @@ class UnknownObject:
     number: int
     """1, 2, …: how page and settings name it; the largest first."""
     model: ObjectModel
-    """Its convex hull, in the world frame."""
+    """The convex hull, in the world frame."""
     mask: Mask
-    """(H, W) its pixels."""
+    """(H, W) the pixels of the cluster."""
     is_dropped: bool = False
-    """Whether the user dropped it: it is shown, but stops nothing."""
+    """Whether the user removed it from the simulation; it is still shown."""
 
     def __post_init__(self) -> None:
         set_fields(self, mask=frozen(self.mask, "mask of an unknown object", (None, None), bool))
@@ -105,13 +105,13 @@ class Surroundings:
 
     source: Literal["observed", "mesh"]
     base: SupportSurface
-    """Below it everything is solid, everywhere."""
+    """Surface below which everything is solid."""
     catches: bool
-    """Whether the base was not seen: it lies below everything and catches what falls."""
+    """Whether the base was not seen: it then lies below everything and catches what falls."""
     surfaces: tuple[SupportSurface, ...]
-    """Others, each within an outline: the top of the solid of the same index; first the one that most rests on."""
+    """Further surfaces, each with an outline: tops of the solids of the same index, the one with most on it first."""
     solids: tuple[ObjectModel, ...]
-    """Convex, in the world frame: those below the surfaces first, then what else stands there, as walls."""
+    """Convex solids in the world frame: first those below the surfaces, then others, such as walls."""
     unknown: tuple[UnknownObject, ...] = ()
 
     @property
@@ -121,13 +121,13 @@ class Surroundings:
 
     @property
     def bodies(self) -> tuple[tuple[int, ObjectModel], ...]:
-        """Every convex solid with its instance_id, dropped ones not among them."""
+        """Every convex solid with its instance_id, without dropped ones."""
         solids = tuple((SUPPORT_ID, model) for model in self.solids)
         return (*solids, *((u.instance_id, u.model) for u in self.unknown if not u.is_dropped))
 
 
 def clipped(outline: Float, normal: Float, offset: float) -> Float:
-    """The part (m, 2) of a convex outline where ``normal · p + offset ≤ 0``; none where it is all outside."""
+    """The part (m, 2) of a convex outline where ``normal · p + offset ≤ 0``; empty where there is none."""
     sides = outline @ normal + offset
     corners: list[Float] = []
     for k in range(len(outline)):

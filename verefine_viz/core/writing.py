@@ -32,7 +32,7 @@ def expand_home(text: str) -> Path:
 
 
 def path_fault(path: Path, error: OSError) -> str:
-    """What the system says of a path that cannot be made or written, and the part of the path that exists:
+    """The system's reason why a path cannot be made or written, after the part of the path that exists:
     "/a/b is a file: Not a directory".
     """
     message = error.strerror or str(error)
@@ -46,7 +46,7 @@ def path_fault(path: Path, error: OSError) -> str:
 
 
 def check_folder(path: Path, option: str = "--out") -> None:
-    """Tries whether a folder that an option names can be made and written to; nothing is left behind.
+    """Check that the folder that an option names can be made and written to; nothing is left behind.
 
     Raises:
         InputError: it is a file, or cannot be made or written to.
@@ -57,7 +57,7 @@ def check_folder(path: Path, option: str = "--out") -> None:
 
 
 def check_file(path: Path, example: str, option: str = "--out") -> None:
-    """Check that a file can be written that an option names.
+    """Check that the file that an option names can be written.
 
     Args:
         path: the file.
@@ -103,7 +103,7 @@ def _there(path: Path) -> Path:
 
 
 def new_file(path: Path) -> int:
-    """Makes an empty file in place of what is there, which is replaced: a link is, and not what it leads to.
+    """Make an empty file; an existing file or link is replaced, never the target of a link.
 
     Returns:
         Its descriptor, for writing; the caller closes it.
@@ -122,7 +122,7 @@ def new_file(path: Path) -> int:
 
 
 def make_inside(folder: Path, *inside: str) -> None:
-    """Makes a folder, and folders inside it by their paths from there, where they are not there yet.
+    """Make a folder, and folders inside it by their relative paths, where they do not exist.
 
     Raises:
         InputError: one inside is a link, or one cannot be made.
@@ -138,7 +138,7 @@ def make_inside(folder: Path, *inside: str) -> None:
 
 
 def check_no_link(path: Path) -> None:
-    """Raises InputError where a folder inside one of ours is a link."""
+    """Raise InputError where a folder inside one of ours is a link."""
     if path.is_symlink():
         where = path.readlink()
         raise InputError(f"cannot write to {path}: it is a link to {where}, expected a folder; remove the link")
@@ -184,7 +184,7 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def change_in_place(file: Path, before: bytes, after: bytes) -> None:
-    """Changes some bytes of a file of ours into as many others, which needs no room on the disk.
+    """Overwrite some bytes of a file of ours by as many others, which needs no room on the disk.
 
     Nothing is done where the file does not hold them, or cannot be written.
     """
@@ -196,11 +196,11 @@ def change_in_place(file: Path, before: bytes, after: bytes) -> None:
 
 
 def clear_parts(folder: Path, of: str = "") -> None:
-    """Removes files and folders that killed processes left half-written in a folder; those of others stay.
+    """Remove files and folders that killed processes left half-written in a folder; those of running processes stay.
 
     Args:
-        folder: it need not be there.
-        of: how the names begin that are meant.
+        folder: need not exist.
+        of: beginnings of the names to remove.
     """
     for part in folder.glob("*.part"):
         writer = _PART.fullmatch(part.name)
@@ -231,10 +231,10 @@ def _is_running(pid: int) -> bool:
 
 
 def try_lock(file: Path) -> BinaryIO | None:
-    """Takes the lock; None where another process holds it.
+    """Take a lock; None where another process holds it.
 
     Args:
-        file: is made if it is not there; its folder is there.
+        file: is made if it does not exist; its folder must exist.
 
     Returns:
         The file, open for reading and writing; closing it releases the lock.
@@ -264,10 +264,10 @@ def wait_for_lock(file: Path) -> BinaryIO:
 
 @contextmanager
 def locked(file: Path, asked: Callable[[str], object], waiting: str) -> Iterator[None]:
-    """Inside, no other process or thread is inside with the same lock file, which is gone afterwards.
+    """Keep other processes and threads with the same lock file out of the block; the file is removed afterwards.
 
-    Where no lock file can be made (a cache that cannot be written to) there may be several: what they make in there
-    costs time only.
+    Where no lock file can be made (a cache that cannot be written to) several may be inside at once, which costs
+    time only.
 
     Args:
         file: the lock file; its folder is made.

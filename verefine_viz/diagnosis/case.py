@@ -1,4 +1,4 @@
-"""One failed instance: what happened to it, and what would have happened with something changed.
+"""One failed instance: what the run did with it, and re-runs with something changed.
 
 A re-run solves this instance alone, with the run's own method and budget, among the objects as the run had placed them.
 Methods that solve several objects together (vf_depth, physim_mcts) are replaced by RIR among the placed objects, but
@@ -45,20 +45,20 @@ if TYPE_CHECKING:
 Pools = Mapping[int, Sequence[Hypothesis]]
 """Initial poses by instance_id, instead of an instance's own."""
 ALONE = "alone"
-"""A re-run with nothing changed, but for the methods of whole scenes, which RIR replaces."""
+"""Name of a re-run with nothing changed, except that RIR replaces methods of whole scenes."""
 TOGETHER = "together: "
-"""Begins the name of a re-run of all objects that are solved together."""
+"""Beginning of the name of a re-run of all objects that are solved together."""
 FAR = 0.35
-"""A start further away than this share of the diameter is not near, whatever the refiner."""
+"""Error of a start, as a share of the diameter, above which it is not near, whatever the refiner."""
 CLEARLY = 0.8
-"""A repair that leaves more than this share of the error repairs nothing."""
+"""Largest share of the error that may remain after a repair."""
 CONTROLS, FIRST_CONTROLS = 5, 3
 """Re-runs on other samples of the observed points, with nothing changed and as many with a repair; and after how many
 of them it is enough that none came out right."""
 CONTROLS_TOGETHER, FIRST_CONTROLS_TOGETHER = 3, 2
 """Re-runs at once, where each solves a whole scene."""
 HELPS = 0.5
-"""A repair helps if it comes out right more often by this share of the re-runs."""
+"""A repair helps if re-runs with it come out right more often by this share."""
 LEFT_OUT = 0.1
 """Share of points, where all are used and none can be chosen otherwise, that is left out in another sample."""
 
@@ -70,7 +70,7 @@ def cluster_of(problem: Problem, instance_id: int) -> tuple[int, ...]:
 
 
 def sampled_again(target: Target, settings: SceneSettings, sample: int) -> Target:
-    """The target with other points of its segment, as another ``scene.seed`` would have it; sample 0 is its own."""
+    """The target with other points of its segment, as another ``scene.seed`` would draw them; sample 0 is its own."""
     if not sample:
         return target
     instance, depth_m = target.instance, target.observation.depth_m
@@ -126,7 +126,7 @@ def solved_together(
 
 
 class Lab:
-    """What re-runs are made with, each part built once."""
+    """The parts that re-runs use, each built once."""
 
     def __init__(self, toolbox: Toolbox) -> None:
         session = toolbox.session
@@ -176,7 +176,7 @@ class Lab:
 
 @dataclass(frozen=True, eq=False)
 class Rerun:
-    """How a re-run came out."""
+    """The result of a re-run."""
 
     best: Best | None
     error: float
@@ -184,7 +184,7 @@ class Rerun:
     repaired: bool
     """Whether the answer is right now, and clearly better than it was."""
     what: str
-    """Names the change, for its control."""
+    """Name of the change, by which its control is found."""
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ class Control:
 
 
 Again = Callable[[int], Best | None]
-"""Makes a re-run on the n-th sample of the observed points; 0 is the run's own."""
+"""Makes a re-run on the n-th sample of the observed points; sample 0 is the run's own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,13 +210,13 @@ class Case:
     frame: FrameGroundTruth
     threshold: float
     answer: Best | None
-    """None: no answer."""
+    """The answer; None = there is none."""
     placed: tuple[Placed, ...]
     """Other objects as they were placed when this one was last worked on."""
     reruns: dict[str, Rerun] = field(default_factory=dict)
     """Re-runs made so far, by what was changed."""
     _again: dict[str, Again] = field(default_factory=dict)
-    """How each is made again."""
+    """The same re-runs as functions of the sample."""
     _controls: dict[str, Control] = field(default_factory=dict)
 
     @property
@@ -247,12 +247,12 @@ class Case:
 
     @cached_property
     def own(self) -> tuple[Iteration, ...]:
-        """Its iterations."""
+        """The iterations of this instance."""
         return self.trace.iterations_of(self.instance_id)
 
     @cached_property
     def initial_errors(self) -> Float:
-        """(H,) of the hypotheses."""
+        """(H,) errors of the hypotheses."""
         return np.array([self.error_of(h.T_cam_obj) for h in self.target.instance.hypotheses])
 
     @property
@@ -261,7 +261,7 @@ class Case:
 
     @cached_property
     def placed_at_gt(self) -> tuple[Placed, ...]:
-        """The other objects at ground truth; those without as they were placed."""
+        """The other objects at ground truth; those without it as they were placed."""
         return tuple(self.frame.placed.get(p.instance_id, p) for p in self.placed)
 
     def rerun(
@@ -271,7 +271,7 @@ class Case:
         fixed: Sequence[Placed] | None = None,
         method: ObjectMethod | None = None,
     ) -> Rerun:
-        """Solves the instance again with something changed, once for each change.
+        """Solve the instance again with something changed, once for each change.
 
         Args:
             what: names the change.
@@ -297,7 +297,7 @@ class Case:
         return cluster if traits.has_tree or (traits.takes_turns and len(cluster) > 1) else ()
 
     def rerun_together(self, what: str, pools: Pools, times: int = 1, iterations: int | None = None) -> Rerun:
-        """Solves it again with its group by the session's own method; see :func:`solved_together`."""
+        """Solve the instance and its group again by the session's own method; see :func:`solved_together`."""
         return self._made(f"{TOGETHER}{what}", self._solving_together(pools, times, iterations))
 
     def _solving_together(self, pools: Pools, times: int = 1, iterations: int | None = None) -> Again:
@@ -324,12 +324,12 @@ class Case:
         return self._control(ALONE, FIRST_CONTROLS, CONTROLS)
 
     def repeated(self, what: str) -> Control:
-        """How often a re-run that was made comes out right."""
+        """How often a change that was re-run before comes out right."""
         n = CONTROLS_TOGETHER if what.startswith(TOGETHER) else CONTROLS
         return self._control(what, n, n)
 
     def _control(self, what: str, first: int, n: int) -> Control:
-        """How many of ``n`` re-runs come right; of only the ``first`` of them if none of those comes out right."""
+        """How many of ``n`` re-runs come out right; only ``first`` of them are made if none of those does."""
         if what not in self._controls:
             n_made, n_right = first, self.n_right(what, range(1, first + 1))
             if n_right and n > first:

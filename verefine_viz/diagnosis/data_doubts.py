@@ -1,4 +1,4 @@
-"""Doubts about data of a frame that do not fit together, as the answers of a run show; for page and batch.
+"""Doubts about the data of a frame that its answers show, for page and batch.
 
 Answers show whether the support plane is what supports the objects, and where colour counts whether the colour image
 lies on the depth image; before them goes what shows without a run.
@@ -20,26 +20,27 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Problem, Target
 
 FEWEST = 3
-"""Fewer objects may all be in wrong poses, or stand on something that has no model."""
+"""Least number of objects: fewer may all be in wrong poses, or stand on something that has no model."""
 FAR_M = 0.020
 """At least one of the objects that a plane supports is nearer to it, above or below [m]. True objects of YCB-V sink in
 by up to 13 mm, and some stand 45 mm above on others."""
 NEAR = 0.06
-"""Depth within this share of the diameter shows the model in about the right pose; others do not show the plane."""
+"""Distance of depth from the model, as a share of the diameter, within which a pose is about right and can show the
+plane."""
 
 
 def run_doubts(problem: Problem, poses: Sequence[Float | None], colour_weight: float = 0.0) -> tuple[Doubt, ...]:
-    """What is in doubt: units, conventions and images, else what answers show. Arguments: :func:`answer_doubts`."""
+    """Doubts about units, conventions and images, else those that answers show. Arguments: :func:`answer_doubts`."""
     return doubts(problem) or answer_doubts(problem, poses, colour_weight)
 
 
 def answer_doubts(problem: Problem, poses: Sequence[Float | None], colour_weight: float = 0.0) -> tuple[Doubt, ...]:
-    """What answers show of a frame that is not in doubt: colour; and the plane, without ground truth, which shows more.
+    """Doubts that answers raise about a frame without other doubts: colour and, without ground truth, the plane.
 
     Args:
         problem: the frame.
-        poses: T_cam_obj (4, 4) that answers each target, None where there is none, as before a run.
-        colour_weight: of the score; with 0 it does not matter where the colour image lies.
+        poses: T_cam_obj (4, 4), the answer for each target; None where there is none, as before a run.
+        colour_weight: of the score; with 0 the place of the colour image does not matter.
     """
     at_gt = [i.T_cam_obj_gt for i in problem.instances]
     has_gt = any(T is not None for T in at_gt)

@@ -1,6 +1,6 @@
-"""Why did it fail? One main cause per failed instance, with numbers, by testing what would have saved it.
+"""Finds why instances failed: a main cause for each, with numbers, by testing what would have repaired the answer.
 
-What was given is tested first (an undeclared symmetry, units, depth, mask, neighbours placed before), then the score,
+The input is tested first (an undeclared symmetry, units, depth, mask, neighbours placed before), then the score,
 the world that physics saw, and last the search. A cause counts as confirmed if the run comes out right without
 it; the first confirmed one is the main cause, and only re-runs that are needed until then are made.
 """
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 def preference(case: Case) -> Finding | None:
-    """The score prefers the wrong answer, by more than its noise; to a ground truth that fits its image."""
+    """Whether the score prefers the wrong answer, by more than its noise, to a ground truth that fits its image."""
     finding = score(case)
     if finding is None or ground_truth(case) is not None or ambiguous(case) is not None:
         return None
@@ -44,15 +44,15 @@ def preference(case: Case) -> Finding | None:
 
 
 _GIVEN = (*INPUT_TESTS, ambiguous, neighbour, preference, *WORLD_TESTS)
-"""What the run was given. Whatever it made of a wrong mask or plane does not tell what is wrong with the run. What the
-image cannot tell is asked before all that rests on a difference of scores."""
+"""Tests of the input, which come first: how a run handles a wrong mask or plane says nothing about the run itself.
+Whether the image can tell two poses apart is tested before everything that rests on a difference of scores."""
 _DONE = (discarded, simulation, *SEARCH_TESTS)
-"""What the run did. A correct pose that it had is looked for first: whatever led away from others did not decide."""
+"""Tests of the run itself. A correct pose that was reached comes first: then nothing that led others away decided."""
 _TESTS: tuple[Callable[[Case], Finding | None], ...] = (*_GIVEN, *_DONE)
 _OF_THE_SCENE = (*INPUT_TESTS[:2], ambiguous, neighbour, preference, discarded, *SEARCH_TESTS)
-"""Where the object alone would have come right, no repair of what was given proves anything."""
+"""Tests where the object alone would have come right, so that no repair of its input proves anything."""
 _NO_RERUN = (preference,)
-"""Tested even after a cause is confirmed, as it costs next to nothing."""
+"""Tests that are made even after a cause is confirmed, as they cost next to nothing."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,13 @@ class Diagnosis:
 
     instance_id: int
     findings: tuple[Finding, ...]
-    """The main one first, then what else had a part in it, the likeliest first."""
+    """The main finding first, then other reasons, the likeliest first."""
     n_reruns: int
-    """Runs of the method on this instance that it took to find out."""
+    """Re-runs on this instance that the diagnosis took."""
     ms: float = 0.0
     """Time it took [ms]."""
     doubts: tuple[str, ...] = ()
-    """What is off with the data of the frame, and may be behind the cause."""
+    """Doubts about the data of the frame, which may be behind the cause."""
 
     @property
     def main(self) -> Finding:
@@ -83,11 +83,11 @@ def diagnose(
     in re-runs.
 
     Args:
-        run: the run.
-        toolbox: the one that made it.
+        run: the finished run.
+        toolbox: the toolbox that made it.
         threshold: an answer fails if its ADD(-S) is at least this share of the diameter; an instance without answer
             fails in any case.
-        every_cause: goes on after the main cause is confirmed, so that all others are tested as well.
+        every_cause: whether the other causes are tested too after the main one is confirmed.
     """
     diagnoses = [diagnosed(case, every_cause) for case in failed_cases(run, toolbox, threshold)]
     if not diagnoses:
@@ -109,7 +109,7 @@ def failed_cases(run: Run, toolbox: Toolbox, threshold: float = CORRECT) -> Iter
 
 
 def diagnosed(case: Case, every_cause: bool = False) -> Diagnosis:
-    """Why one instance failed, before what is off with the data of its frame."""
+    """Why one instance failed, without the doubts about the data of its frame."""
     began, before = perf_counter(), case.lab.n_reruns
     findings: list[Finding] = []
     main: Finding | None = None
@@ -132,7 +132,7 @@ def diagnosed(case: Case, every_cause: bool = False) -> Diagnosis:
 
 
 def _controlled(case: Case, finding: Finding) -> tuple[Finding, Control | None]:
-    """The finding, confirmed only if it explains clearly more than chance does; else also how often chance helps.
+    """The finding, confirmed only if it explains clearly more than chance does; else also how often chance helped.
 
     A repair has to come out right more often than re-runs with nothing changed do. Where nothing is put right, as where
     no hypothesis leads to the ground truth, none of those may come out right.
@@ -168,12 +168,12 @@ def _tests_for(case: Case) -> tuple[Callable[[Case], Finding | None], ...]:
 
 
 def _solved_alone(case: Case) -> bool:
-    """Whether a method of whole scenes failed on what the object alone would have got right."""
+    """Whether a method of whole scenes failed on an object that comes right alone."""
     return bool(case.group) and case.answer is not None and case.rerun(ALONE).repaired
 
 
 def _likeliest(findings: Sequence[Finding]) -> Finding:
-    """Where no single repair saves it: the one that helps most; the last test always finds a cause."""
+    """The finding whose repair helps most, where none makes the answer right; the last test always finds a cause."""
     repairs = [f for f in findings if {"error", "error_repaired"} <= f.numbers.keys()]
     helps = [f for f in repairs if f.numbers["error_repaired"] < 0.7 * f.numbers["error"]]
     if helps:
@@ -182,7 +182,7 @@ def _likeliest(findings: Sequence[Finding]) -> Finding:
 
 
 def _placed(run: Run, target: Target, answer: Best | None) -> tuple[Placed, ...]:
-    """The other objects as they were placed before this one for the answer, or when it was last worked on."""
+    """The other objects as they were placed before this one for its answer, or in its last iteration."""
     own, models = target.instance.instance_id, {t.instance.instance_id: t.model for t in run.problem.targets}
     worked_on = [i for i in run.iterations if i.instance_id == own or i.tree is not None]
     made_it = [i for i in worked_on if answer is not None and i.index == answer.iteration] or run.iterations_of(own)

@@ -12,12 +12,12 @@ from verefine_viz.run.record import RunRecord
 
 
 def films_of(record: RunRecord, problem: Problem, verifier_of: Callable[[int], Verifier]) -> dict[int, Film]:
-    """The films of all answers of a run that is over, by instance; pictures are made when they are asked for.
+    """The films of all answers of a finished run, by instance; pictures are made when asked for.
 
     Args:
         record: the run.
         problem: its frame.
-        verifier_of: what scored iteration k.
+        verifier_of: the verifier that scored iteration k.
     """
     films = {}
     for answer in record.end.answers if record.end is not None else ():

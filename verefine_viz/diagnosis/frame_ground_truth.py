@@ -1,4 +1,4 @@
-"""A frame by its ground truth: what should have been seen, where depth is, and what supports the objects."""
+"""A frame according to its ground truth: depth that should have been seen, and the plane that supports the objects."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.scenes.segments import draw_placed
 
-# The plane that objects really stand on: a face of the hull of all, at ground truth, that they can rest on.
+# The plane that objects really stand on: a face of their common hull, at ground truth, on which they can rest.
 
 TOUCHES_M = 0.003
 """Vertices closer to a face of the hull than this rest on its plane [m]."""
 ON_M = 0.008
 """Background closer to a plane than this lies on it [m]."""
 LEAST_SHARE = 0.02
-"""A plane that holds less of the background near the objects (what lies below it taken off) is not seen."""
+"""Least share of the background near the objects that a visible plane holds (less what lies below it)."""
 FIT_POINTS = 300
-"""With so many points of background on it, the plane is fitted to them."""
+"""Least number of background points on a plane for a fit to them."""
 POINTS = 4000
-"""Points of the background that are used."""
+"""Most points of the background that are used."""
 MOST_TURN_RAD = np.radians(6.0)
-"""A fit that turns the plane further than this follows something else."""
+"""Largest turn of the plane by the fit; beyond, the fit follows something else."""
 
 
 def supporting_plane(vertices_cam: Float, background_cam: Float) -> Support | None:
@@ -56,7 +56,7 @@ def supporting_plane(vertices_cam: Float, background_cam: Float) -> Support | No
     if len(near) < 20:
         return None
     planes = -np.unique(np.round(hull.equations, 5), axis=0)
-    planes = planes[planes[:, 3] > 0]  # Of the others the camera is below.
+    planes = planes[planes[:, 3] > 0]  # The camera must be above the plane.
     heights = near @ planes[:, :3].T + planes[:, 3]
     shares = np.mean(np.abs(heights) < ON_M, axis=0) - np.mean(heights < -2 * ON_M, axis=0)
     for k in np.argsort(-shares):
@@ -121,7 +121,7 @@ class FrameGroundTruth:
 
     @cached_property
     def placed(self) -> Mapping[int, Placed]:
-        """By instance_id; those with ground truth."""
+        """The objects at ground truth, by instance_id, where it is known."""
         return {
             t.instance.instance_id: Placed(t.instance.instance_id, t.model, t.instance.T_cam_obj_gt)
             for t in self.problem.targets
@@ -139,7 +139,7 @@ class FrameGroundTruth:
 
     @cached_property
     def registration(self) -> Registration:
-        """How the observed depth lies on the true one."""
+        """Shift and scale of the observed depth against the true one."""
         return registration(self.problem.observation.depth_m, self.depth_m)
 
     @cached_property
@@ -149,7 +149,7 @@ class FrameGroundTruth:
         return self.registration.undone(depth_m) if self.registration.is_off else depth_m
 
     def outline(self, instance_id: int) -> Mask:
-        """(H, W) where the instance really is seen: its rendering, less what something nearer hides."""
+        """(H, W) where the instance is really visible: its rendering, without what something nearer hides."""
         nearer = (self.observed_m > 0) & (self.observed_m < self.depth_m - HIDDEN_M)
         return (self._rendered[1] == instance_id) & ~nearer
 

@@ -1,4 +1,4 @@
-"""Answers that cannot lie where they are, which shows without ground truth: they sink into something, float or tip."""
+"""Finds, without ground truth, answers that cannot lie where they are: they sink into something, float or tip."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def impossible(
     target: Target, placed: Placed, physics: Plausibility, labels: Mapping[int, str], heights: MeasuredHeights | None
 ) -> Finding | None:
-    """That an object cannot lie in a pose; None where it can, or where only a plane or depth in doubt says so.
+    """The finding that an object cannot lie in a pose; None where it can, or only a plane or depth in doubt says so.
 
     Args:
         target: the object.
@@ -69,7 +69,7 @@ def impossible_answers(
     plausibility_of: Callable[[Placed, Sequence[Placed], Support], Plausibility],
     heights: MeasuredHeights | None,
 ) -> dict[int, Finding]:
-    """Answers without ground truth that cannot be, by instance, each among all others.
+    """Findings on impossible answers without ground truth, by instance, each among all others.
 
     Args:
         problem: the frame.

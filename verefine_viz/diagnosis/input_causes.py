@@ -1,4 +1,4 @@
-"""Causes that lie in what the method was given: an unknown symmetry, poses in metres, the depth image, the mask."""
+"""Causes in the method's input: an undeclared symmetry, poses in metres, the depth image, the mask."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from verefine_viz.observation.support_plane import Gravity, find_support
 from verefine_viz.scenes.frame_surroundings import with_surroundings
 
 MISSING_SHARE = 0.4
-"""More of the object's pixels without depth are worth a re-run."""
+"""Share of the object's pixels without depth that is worth a re-run."""
 LEAK_SHARE = 0.12
-"""More of the mask beside the object is worth a re-run."""
+"""Share of the mask beside the object that is worth a re-run."""
 MISS_SHARE = 0.25
-"""More of the object beside the mask is worth a re-run."""
+"""Share of the object beside the mask that is worth a re-run."""
 BORDER_PX = 2
-"""Masks are not expected to be more exact than this [px]."""
+"""Accuracy that masks can be expected to have [px]."""
 ON_SURFACE_M = 0.010
-"""Noise of sensors and of annotated poses leaves measured points within this of the true surface [m]."""
+"""Distance from the true surface that noise of sensors and of annotated poses explains [m]."""
 UNITS = {"metres": 1000.0, "centimetres": 10.0}
-"""By what a translation would have to be multiplied, where millimetres are expected."""
+"""Factor that brings a translation in this unit to millimetres."""
 
 
 def ground_truth(case: Case) -> Finding | None:
-    """Ground truth does not lie on the measured surface, and the answer explains the image: axes or frame differ."""
+    """Finds ground truth off the measured surface while the answer explains the image: axes or frame differ."""
     outline, off = case.frame.outline(case.instance_id), case.frame.registration
     if case.answer is None or not case.lab.traits.verifies or off.is_off:
         return None
@@ -70,7 +70,7 @@ def ground_truth(case: Case) -> Finding | None:
 
 
 def symmetric(case: Case) -> Finding | None:
-    """The object has the same shape where the estimate is, and its model declares no such symmetry."""
+    """Finds that the object has the same shape at the estimate, by a symmetry that its model does not declare."""
     if case.answer is None:
         return None
     turn = undeclared_turn(case.target.model, case.answer.T_cam_obj, case.T_gt, case.threshold)
@@ -78,7 +78,7 @@ def symmetric(case: Case) -> Finding | None:
 
 
 def unit(case: Case) -> Finding | None:
-    """Initial poses are written in metres or centimetres; decided by a re-run with them in millimetres."""
+    """Finds initial poses written in metres or centimetres; decided by a re-run with them in millimetres."""
     diameter_m, given = case.target.model.diameter_m, case.target.instance.hypotheses
     units = [likely_unit(h.T_cam_obj, case.T_gt, diameter_m) for h in given]
     wrong = [name for name in units if name]
@@ -122,7 +122,7 @@ def _to_millimetres(T_est: Float, unit: str) -> Float:
 
 
 def depth(case: Case) -> Finding | None:
-    """Depth is missing on the object, lies beside it, or has another scale; decided by a re-run with it put right."""
+    """Finds depth missing on the object, beside it, or of another scale; decided by a re-run with it corrected."""
     off = case.frame.registration
     if off.is_off:
         return _unregistered(case)
@@ -168,7 +168,7 @@ def _unregistered(case: Case) -> Finding:
 
 
 def mask(case: Case) -> Finding | None:
-    """The mask covers something else, or not all of the object; decided by a re-run with the true outline."""
+    """Finds a mask that covers something else, or not all of the object; decided by a re-run with the true outline."""
     outline, given = case.frame.outline(case.instance_id), case.target.instance.mask
     if not outline.any():
         return None
@@ -196,7 +196,7 @@ INPUT_TESTS: tuple[Callable[[Case], Finding | None], ...] = (ground_truth, symme
 
 
 def _with_depth(case: Case, depth_m: NDArray[np.floating], keep_support: bool) -> Target:
-    """The target with another depth image and all that follows from it."""
+    """The target with another depth image and everything derived from it."""
     observation, instance = case.target.observation, case.target.instance
     depth = np.ascontiguousarray(depth_m, dtype=np.float32)
     normals = estimate_normals(depth, observation.camera)

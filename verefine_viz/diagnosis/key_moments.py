@@ -1,4 +1,4 @@
-"""The key moments of a run, object by object: what a film of it shows (``pictures/film.py``)."""
+"""Chooses the key moments of a run for each object, as its film shows them (``pictures/film.py``)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from verefine_viz.run.record import Answer, ObjectHeader, RunRecord
 MOST_WORDS = 12
 """Most words of a caption."""
 GIVEN_UP = 0.05
-"""A pose that scores so much more than the answer was given up."""
+"""Lead in score over the answer by which a pose was given up."""
 BY_SIMULATION = (Cause.SIMULATION, Cause.PLANE, Cause.COLLIDER, Cause.NEIGHBOUR, Cause.IMPOSSIBLE)
 """Causes that show in what the simulation did; others show in what the refiner did."""
 FROM_START = (Cause.POOL, Cause.OUT_OF_RANGE, Cause.UNIT)
@@ -57,7 +57,7 @@ def key_moments(record: RunRecord, answer: Answer, other: Float | None = None) -
 
 
 class _Story:
-    """What is known of one object while its moments are chosen.
+    """One object while its moments are chosen.
 
     Args:
         one: its header.
@@ -101,7 +101,7 @@ class _Story:
         return self._own[int(np.argmax(changes))] if changes.max() > 0 else None
 
     def moments(self) -> tuple[Moment, ...]:
-        """All of them, in the order of their iterations."""
+        """All moments, in the order of their iterations."""
         start, change = self._start(), self._given_up() or self._change()
         gained = self._gained() if self._made not in (None, self._decisive) else []
         # What stands at the start already is not drawn twice.
@@ -134,7 +134,7 @@ class _Story:
     def _start(self) -> Moment:
         """The start that matters: the nearest to ground truth where the cause is about that, else the best one.
 
-        Where a single one of several was worked on it is that.
+        Where only one of several was worked on, it is that one.
         """
         pool, scores = self._one.hypotheses, [score.score for score in self._one.initial]
         numbers, cause, tried = self._numbers, self._main.cause, {i.arm for i in self._own}
@@ -161,7 +161,7 @@ class _Story:
     # What decided
 
     def _change(self) -> list[Moment]:
-        """The stage of the decisive iteration that did it, before and after."""
+        """Moments before and after the decisive stage of the decisive iteration."""
         before, after = self._pair(self._decisive)
         k, arm, words = self._decisive.index, self._decisive.arm, _moved(before, after)
         drawn = [(after.name, after.T_cam_obj), *([(before.name, before.T_cam_obj)] if before else self._truly)]
@@ -179,7 +179,7 @@ class _Story:
         return "" if error is None else f"; nearest was {millimetres(1e3 * self._one.diameter_m * error)} off"
 
     def _pair(self, iteration: Iteration) -> tuple[Stage | None, Stage]:
-        """The poses before and after the step that did it."""
+        """The poses before and after the decisive step."""
         made = next((s for s in iteration.stages if s.T_cam_obj.tobytes() == self._T.tobytes()), None)
         wanted = ["simulated", "refined"] if self._main.cause in BY_SIMULATION else ["refined", "simulated"]
         if iteration is self._made and made is not None and self._main.cause not in BY_SIMULATION:
@@ -191,7 +191,7 @@ class _Story:
         return next(iter(pairs.values())) if pairs else (None, iteration.stages[-1])
 
     def _given_up(self) -> list[Moment]:
-        """The correct pose that was there, and the wrong one that was preferred to it; none where that is not why."""
+        """Moments of the correct pose and of the wrong one that was preferred; none where that is not the cause."""
         if self._main.cause != Cause.DISCARDED or self._answer.score is None:
             return []
         arm, k, margin = (self._numbers[name] for name in ("hypothesis", "iteration", "margin"))
@@ -241,7 +241,7 @@ class _Story:
         return f"{score}{wide}"
 
     def _against(self) -> Moment:
-        """Ground truth and the cause; without it what speaks against the answer."""
+        """The moment of ground truth and the cause; without ground truth, of what speaks against the answer."""
         at = self._last
         words, detail = "", self._main.detail.removeprefix(":").removeprefix(" for").removeprefix(", ").strip()
         if self._main.cause:

@@ -1,4 +1,4 @@
-"""Correct and near poses that a run had on its way to a wrong answer: given up for another, or led away."""
+"""Finds correct and near poses that a run had on its way to a wrong answer: given up for another, or led away."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from verefine_viz.core.scores import PoseScore
 from verefine_viz.diagnosis.number_words import distinct_texts
 
 FAR = 0.25
-"""A start further away than this share of the diameter is not near (ADD(-S))."""
+"""ADD(-S) of a start, as a share of the diameter, above which it is not near."""
 WORSE = 0.03
 """The answer is worse than a pose before by more than this share of the diameter …"""
 WORSE_BY = 1.2
@@ -26,14 +26,14 @@ class Discarded:
     arm: int
     """Index of the hypothesis that it came from."""
     iteration: int
-    """Which made it; 0 = it is the initial pose of the hypothesis."""
+    """Iteration that made the pose; 0 = it is the initial pose of the hypothesis."""
     stage: Stage
     score: PoseScore
     """Score of the pose, as the iteration had it."""
     given_up: int
     """The first iteration from then on after which the object's best pose was a wrong one."""
     answer: Best
-    """What was preferred to it in the end."""
+    """The answer, which was preferred in the end."""
 
     @property
     def margin(self) -> float:
@@ -42,7 +42,7 @@ class Discarded:
 
     @property
     def where(self) -> str:
-        """When it was there: "at iteration 3"."""
+        """When the pose was reached: "at iteration 3"."""
         return f"at iteration {self.iteration}" if self.iteration else "at the start"
 
     def describe(self, name: str) -> str:
@@ -63,7 +63,7 @@ def discarded(own: Sequence[Iteration], answer: Best | None, is_correct: Callabl
     Args:
         own: all iterations of the object.
         answer: of the run.
-        is_correct: whether a pose T_cam_obj (4, 4) is, by its ADD(-S).
+        is_correct: whether a pose T_cam_obj (4, 4) is correct, by its ADD(-S).
     """
     known: dict[bytes, bool] = {}  # An iteration starts where an earlier one ended: half of the poses come twice.
 
@@ -101,16 +101,16 @@ class Lost:
     """Error of that pose."""
     score: PoseScore | None
     iteration: int
-    """Which came by it; 0 = it is the initial pose of the hypothesis."""
+    """Iteration that made the pose; 0 = it is the initial pose of the hypothesis."""
     lost_in: int
     """The iteration that added most to the error."""
     added_by_refiner: float
     added_by_simulation: float
-    """What each added to the error from then on."""
+    """How much refiner and simulation each added to the error from then on."""
     score_rose: bool
-    """Whether the answer scores more all the same."""
+    """Whether the answer scores more nevertheless."""
     n_unstable: int
-    """Iterations from then on that the simulation left unstable."""
+    """Iterations from then on that ended unstable in simulation."""
 
     @property
     def by_simulation(self) -> bool:

@@ -1,4 +1,4 @@
-"""How high the depth image of a frame measures its objects, from where answers that fit put the bases of their models.
+"""Estimates how high a depth image measures its objects, from where answers that fit put the bases of their models.
 
 Depth may measure all that stands on a table lower than it is, and leaning, while the table itself is right: frames of
 YCB-Video measure upright objects at 94 to 96 % of their height and leaning by 2 to 3°. Poses that fit such depth sink
@@ -24,25 +24,25 @@ from verefine_viz.core.records import Best
 from verefine_viz.physics.stability import IMPOSSIBLE_M
 
 FEWEST = 3
-"""Objects that have to agree."""
+"""Least number of objects that must agree."""
 WELL = 0.6
-"""An answer of a lower score does not show where its object is."""
+"""Least score of an answer that shows where its object is."""
 BASE_DEG = 15.0
-"""A face of the hull that leans less is what the object stands on [deg]."""
+"""Largest lean of a face of the hull that the object may stand on [deg]."""
 SHARE = 0.15
 """A base further from the plane than this share of the height, and 5 mm, stands on something else or is wrong."""
 AGREE_M, AGREE_DEG = 0.003, 2.0
 """Bases, and leans, that are nearer to what they have in common agree. Those of ground truth of YCB-Video lie within
 2.5 mm, those of what is taller than wide within 1.6°."""
 LEAST_LEAN_DEG = 1.0
-"""Less of a lean is not stated [deg]."""
+"""Least lean that is reported [deg]."""
 UNLIKE = 1.5
-"""The tallest object is so many times as high as the lowest: else the plane may as well be too high for all."""
+"""Least ratio of the tallest to the lowest object: else the plane could be too high for all instead."""
 
 
 @dataclass(frozen=True)
 class Base:
-    """What an object stands on in its pose: the faces of its hull that look down."""
+    """Base of an object in its pose: the faces of its hull that look down."""
 
     middle_m: float
     """Height of their middle above the support plane; negative below."""
@@ -54,21 +54,21 @@ class Base:
 
 @dataclass(frozen=True)
 class MeasuredHeights:
-    """What objects of a frame have in common."""
+    """Height and lean that objects of a frame are measured with in common."""
 
     ratio: float
     """Measured height by height of the model; below 1 poses that fit sink into the support plane."""
     lean_deg: float
     """How far most of them lean, all the same way; 0 where they do not agree in that."""
     objects: int
-    """How many agree."""
+    """Number of objects that agree."""
 
     def explained_m(self, height_m: float) -> float:
         """How deep a pose that fits the depth sinks in by it, of an object of this height; negative where it floats."""
         return (1 - self.ratio) * height_m
 
     def describe(self) -> str:
-        """What is odd, and what to check, in two sentences."""
+        """Description of the fault and what to check, in two sentences."""
         percent = round(100 * abs(1 - self.ratio))
         way, put = ("short", "sink into the plane") if self.ratio < 1 else ("long", "float above the plane")
         leaning = f", and {self.lean_deg:.1f}° from upright" if self.lean_deg else ""
@@ -86,7 +86,7 @@ def measured_heights(problem: Problem, answers: Sequence[Best | None]) -> Measur
 
     Args:
         problem: the frame.
-        answers: of each target, None where there is none.
+        answers: the answer for each target; None where there is none.
     """
     support = problem.observation.support
     if support is None or support.surroundings is not None:
@@ -100,7 +100,7 @@ def measured_heights(problem: Problem, answers: Sequence[Best | None]) -> Measur
 
 
 def heights_in_common(bases: Sequence[Base]) -> MeasuredHeights | None:
-    """Estimate what bases have in common, of those that are near the plane; None as of :func:`measured_heights`."""
+    """Estimate the common height and lean of bases near the plane; None as for :func:`measured_heights`."""
     near = [one for one in bases if abs(one.middle_m) < SHARE * one.height_m + IMPOSSIBLE_M]
     if len(near) < FEWEST:
         return None
@@ -120,7 +120,7 @@ def heights_in_common(bases: Sequence[Base]) -> MeasuredHeights | None:
 
 
 def base_of(model: ObjectModel, T_cam_obj: Float, support: Support) -> Base | None:
-    """What an object stands on; None where no face of its hull looks down, or it has no volume."""
+    """The base of an object; None where no face of its hull looks down, or it has no volume."""
     hull = _hull(model)
     if hull is None:
         return None

@@ -6,11 +6,11 @@ import math
 from typing import Literal
 
 MORE_DIGITS = 3
-"""Digits that are added at most so that two numbers differ."""
+"""Most digits that are added to make two numbers differ."""
 
 
 def share(error: float) -> str:
-    """An error as a share of the diameter."""
+    """An error, given as a share of the diameter, in percent."""
     return f"{error:.0%}" if math.isfinite(error) else "no answer"
 
 

@@ -6,7 +6,7 @@ from verefine_viz.diagnosis.number_words import distinct_texts
 from verefine_viz.evaluation.allowed_poses import AlikePose, AllowedPoses
 
 WIDE_DEG, WIDE_MM = 10.0, 5.0
-"""A turn, or a shift, that is undetermined by more is worth a word where a pose far away fits as well."""
+"""Least undetermined turn, or shift, that is mentioned although a pose far away fits as well."""
 
 
 def brief(allowed: AllowedPoses, other: AlikePose) -> str:
@@ -14,7 +14,7 @@ def brief(allowed: AllowedPoses, other: AlikePose) -> str:
     widest = allowed.least_certain
     reached_mm = widest.width if widest.axis.kind == "shift" else widest.width / 57.3 * allowed.radius_mm
     is_wide = widest.width > (WIDE_MM if widest.axis.kind == "shift" else WIDE_DEG)
-    # A turn of ±5° does not tell of a pose 43 mm away.
+    # A turn of ±5° says nothing about a pose 43 mm away.
     if is_wide and reached_mm > other.apart_mm / 2:
         return widest.describe()
     return f"a pose {other.apart_mm:.0f} mm away fits as well"
@@ -25,7 +25,7 @@ def unseen_error(name: str, allowed: AllowedPoses, of_answer: AlikePose) -> str:
 
     Args:
         name: of the object.
-        allowed: what the image allows beside ground truth.
+        allowed: the poses that the image allows beside ground truth.
         of_answer: the pose among them that is next to the answer.
     """
     one, two = distinct_texts(of_answer.score, of_answer.score_of_answer, 3)

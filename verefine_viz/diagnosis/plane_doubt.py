@@ -1,4 +1,4 @@
-"""Doubt whether the support plane that was measured is the one that supports the objects."""
+"""Doubts that the measured support plane is the one that supports the objects."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ walls in them 24-37 %, the board beside the box of the built-in failure 23 %."""
 
 
 def plane_doubt(support: Support) -> str:
-    """Why physics may rest on a wrong plane, and what to do about it; empty where nothing says so."""
+    """Why physics may use a wrong plane, and what to do about it; empty where there is no doubt."""
     if support.inlier_share >= PLANE_SHARE:
         return ""
     remedy = "give scene.gravity as a vector, or as world where the data set has camera poses"

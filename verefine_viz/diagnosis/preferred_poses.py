@@ -1,4 +1,4 @@
-"""A wrong pose that the score prefers to ground truth, and because of which pixels."""
+"""Sentences about a wrong pose that the score prefers to ground truth, and the pixels that decide it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def blamed_pixels(wrong: PoseScore, right: PoseScore) -> str | None:
 
 
 def _explanation(wrong: PoseScore, right: PoseScore) -> str:
-    """What costs ground truth its lead: the pixels that do it, else the fit; empty where neither shows it."""
+    """Words for what costs ground truth its lead: pixels, else the fit; empty where neither shows it."""
     if not (wrong.has_parts and right.has_parts):
         return ""
     name = blamed_pixels(wrong, right)

@@ -22,19 +22,19 @@ from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.scenes.frame_surroundings import with_surroundings
 
 TILT_DEG = 4.0
-"""A plane tilted by less than this is good enough [deg]."""
+"""Tilt of a plane that is not worth a re-run [deg]."""
 OFF_M = 0.008
-"""A plane less far from the objects' feet than this is good enough [m]."""
+"""Distance of a plane from the objects' bases that is not worth a re-run [m]."""
 GRAVITY_DEG = 12.0
-"""Gravity this far from the plane's normal is worth a re-run [deg]."""
+"""Angle of gravity to the plane's normal that is worth a re-run [deg]."""
 COARSE_SHARE = 0.03
-"""A collider that is further from its mesh than this share of the diameter is worth a re-run."""
+"""Distance of a collider from its mesh, as a share of the diameter, that is worth a re-run."""
 PUSH = 0.02
-"""A simulation that adds less than this to the error (share of the diameter) pushes nothing away."""
+"""Least error that a simulation adds if it pushes something away (share of the diameter)."""
 
 
 def neighbour(case: Case) -> Finding | None:
-    """Something placed before was misplaced; decided by a re-run with all others at ground truth."""
+    """Finds a misplaced object that was placed before; decided by a re-run with all others at ground truth."""
     wrong = [(error, placed) for placed in case.placed if (error := _error_of(case, placed)) >= case.threshold]
     if not wrong:
         return None
@@ -98,7 +98,7 @@ def plane(case: Case) -> Finding | None:
 
 
 def collider(case: Case) -> Finding | None:
-    """The solid that physics moves is far from the mesh; decided by a re-run with convex parts instead of a hull."""
+    """Finds a simulated solid that is far from its mesh; decided by a re-run with convex parts instead of a hull."""
     simulator = case.lab.simulator
     if not isinstance(simulator, BulletSimulator) or case.lab.physics.collider != "hull":
         return None
@@ -126,7 +126,7 @@ def collider(case: Case) -> Finding | None:
 
 
 def simulation(case: Case) -> Finding | None:
-    """Simulating moved the object away; decided by a re-run without physics."""
+    """Finds that simulating moved the object away; decided by a re-run without physics."""
     pushes = [(push, i) for i in case.own if (push := _push(case, i)) is not None and push >= PUSH]
     if not pushes:
         return None
@@ -163,7 +163,7 @@ def simulation(case: Case) -> Finding | None:
 
 
 def _among_true_neighbours(case: Case) -> Rerun:
-    """With what was placed before at ground truth; what is solved together starts there."""
+    """Re-run with objects placed before at ground truth; objects solved together start there."""
     if not case.group:
         return case.rerun("neighbours at ground truth", fixed=case.placed_at_gt)
     pools = {
@@ -209,7 +209,7 @@ def _is_of_winner(case: Case, iteration: Iteration) -> bool:
 
 
 def _push(case: Case, iteration: Iteration) -> float | None:
-    """What the simulation of an iteration added to the error; None where nothing was simulated."""
+    """Error that the simulation of an iteration added; None where nothing was simulated."""
     if iteration.stage("simulated") is None:
         return None
     before, after = _moved(iteration)
@@ -226,7 +226,7 @@ def _drift(case: Case) -> float | None:
 
 
 def _stands_on(case: Case) -> str:
-    """What supports the object though the method placed nothing below it; empty where that is not so."""
+    """Words for objects below this one where the method had placed nothing; empty where there are none."""
     graph = case.trace.problem.dependencies
     if case.placed or graph is None:
         return ""
@@ -236,4 +236,4 @@ def _stands_on(case: Case) -> str:
 
 
 WORLD_TESTS: tuple[Callable[[Case], Finding | None], ...] = (plane, collider)
-"""Tests of what physics was given."""
+"""Tests of the input of physics."""

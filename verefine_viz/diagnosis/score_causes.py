@@ -1,4 +1,4 @@
-"""Does the verification score prefer the wrong answer to ground truth, or can it not tell the two apart?"""
+"""Tests whether the verification score prefers the wrong answer to ground truth, or cannot tell the two apart."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from verefine_viz.evaluation.seen_error import nearest_allowed
 from verefine_viz.rendering.explained import ExplainedPixels
 
 POLISHING = 12
-"""Most refiner calls from ground truth, which must not lose by being a millimetre off. While its pose is correct it
+"""Most refiner calls from ground truth, so that it does not lose by being a millimetre off. While a pose is correct it
 is in the basin of ground truth: the 28 objects of eight YCB-V frames come to rest 0.3 to 6.3 % of the diameter away."""
 AT_REST = 1e-6
-"""The refiner moves such a pose no more."""
+"""Largest change of a pose that the refiner has finished moving."""
 WORTH_A_WAY_DEG = 5.0
-"""Rotation [deg] below which it does not matter which way it goes."""
+"""Rotation below which its direction does not matter [deg]."""
 
 
 def score(case: Case) -> Finding | None:
-    """The answer scores no lower than ground truth (or than what the refiner makes of it)."""
+    """Finds that the answer scores no lower than ground truth, as it is or refined."""
     if case.answer is None or not case.lab.traits.verifies:
         return None
     if case.lab.traits.has_tree:
@@ -53,7 +53,7 @@ def score(case: Case) -> Finding | None:
 
 
 def discarded(case: Case) -> Finding | None:
-    """A correct pose was reached, and another preferred: by its own score, or by that of the scene that it stood in."""
+    """Finds that a correct pose was reached and another preferred, by its own score or by that of its scene."""
     if case.answer is None or not case.lab.traits.verifies:
         return None
     seen = lost_poses.discarded(case.own, case.answer, lambda T: case.error_of(T) < case.threshold)
@@ -107,7 +107,7 @@ def discarded(case: Case) -> Finding | None:
 
 
 def _cost(case: Case, T_wrong: Float) -> Finding | None:
-    """The search counts the pixels that a scene leaves unexplained: no more with the answer than at ground truth."""
+    """Finds that the answer leaves no more pixels of the scene unexplained, the search's cost, than ground truth."""
     wrong_px, *at_gt_px = _unexplained_px(case, [T_wrong, *poses_at_gt(case)])
     right_px = min(at_gt_px)
     if wrong_px > right_px:
@@ -176,7 +176,7 @@ def scored(case: Case, poses: Float) -> list[PoseScore]:
 
 
 def _way(case: Case) -> str:
-    """Which way the answer is turned; empty where that is by little, or unknown."""
+    """Which way the answer is turned; empty where it is turned little, or that is unknown."""
     assert case.answer is not None
     way = turning_on(case.target, case.answer.T_cam_obj)
     if way is None or max(way.tilt_deg, way.turn_deg) < WORTH_A_WAY_DEG:

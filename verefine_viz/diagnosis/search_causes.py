@@ -1,4 +1,4 @@
-"""Causes that lie in the search: starved hypotheses, too small a budget, the refiner and its range, a bad pool."""
+"""Causes in the search: starved hypotheses, a budget too small, the refiner and its range, a bad pool."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ ICP = "icp"
 
 
 WELL_WITHIN = 0.5
-"""Share of the trained range that starts are brought into: near its border a refiner may fail as well."""
+"""Share of the trained range into which starts are brought: near its border a refiner may fail too."""
 
 
 def out_of_range(case: Case) -> Finding | None:
-    """Every start is further from the ground truth than the refiner was trained on; decided by a re-run from the same
-    starts, brought well into that range.
+    """Finds all starts further from the ground truth than the refiner was trained for; decided by a re-run from well
+    inside that range.
     """
     seen = signs.out_of_range(case.lab.refiner, case.target, case.lab.traits.first_only)
     if seen is None:
@@ -69,12 +69,12 @@ def out_of_range(case: Case) -> Finding | None:
 
 
 def refiner(case: Case) -> Finding | None:
-    """The refiner led it astray, or does not get there from where ICP does."""
+    """Finds that the refiner led the object astray, or fails on hypotheses from which ICP reaches the ground truth."""
     return _astray(case) or beaten_by_icp(case)
 
 
 def _astray(case: Case) -> Finding | None:
-    """The answer is worse than a pose that it came from, and refinement made it so."""
+    """Finds that the answer is worse than a pose that it came from, by refinement."""
     lost = lost_poses.lost(case.own, case.answer, case.error_of, FAR) if case.answer is not None else None
     if lost is None or case.answer is None or lost.added_by_refiner <= lost.added_by_simulation:
         return None
@@ -96,12 +96,12 @@ def _astray(case: Case) -> Finding | None:
 
 
 def beaten_by_icp(case: Case) -> Finding | None:
-    """Another refiner than ICP; decided by a re-run with ICP from the same hypotheses."""
+    """Finds that the refiner fails where ICP does not; decided by a re-run with ICP from the same hypotheses."""
     session = case.lab.toolbox.session
     name = session.method.refiner
     if name == ICP or case.lab.traits.has_tree or not len(case.initial_errors):
         return None
-    if case.group and case.rerun(ALONE).repaired:  # It gets there, but for the other objects.
+    if case.group and case.rerun(ALONE).repaired:  # Alone, the object comes right with this refiner.
         return None
     method = case.lab.method(case.lab.simulator, make_refiner(ICP, session))
     again = case.rerun("ICP", method=method)
@@ -126,7 +126,7 @@ def beaten_by_icp(case: Case) -> Finding | None:
 
 
 def _calls(case: Case) -> tuple[int, int]:
-    """How often the refiner was called, and how often it took the object further from ground truth."""
+    """Number of refiner calls, and of those that took the object further from ground truth."""
     changes = [
         case.error_of(after.T_cam_obj) - case.error_of(before.T_cam_obj)
         for iteration in case.own
@@ -137,17 +137,17 @@ def _calls(case: Case) -> tuple[int, int]:
 
 
 STARVED = 0.5
-"""A hypothesis that got less than this share of an even split of the budget was starved."""
+"""Share of an even split of the budget below which a hypothesis was starved."""
 TRIED_ALONE = 3
-"""Hypotheses that are tried with the whole budget, the nearest first."""
+"""Most hypotheses that are tried with the whole budget, the nearest first."""
 MULTIPLES = (2, 4, 8)
-"""Budgets tried, in multiples of the run's; of a search, or without a sign that more would help, only the first."""
+"""Budgets to try, in multiples of the run's; for a tree search, or without a sign of improvement, only the first."""
 IMPROVING = 0.004
 """A hypothesis is still improving if its last iteration took more than this off the error (share of the diameter)."""
 
 
 def starved(case: Case) -> Finding | None:
-    """A hypothesis that got few iterations comes out right when it gets them all."""
+    """Finds a hypothesis that got few iterations and comes out right when it gets them all."""
     pulls = np.bincount([i.arm for i in case.own], minlength=len(case.initial_errors))
     if len(pulls) < 2:
         return None
@@ -164,7 +164,7 @@ def starved(case: Case) -> Finding | None:
         )
         if again.repaired and case.group:
             again = case.rerun_together(f"all on hypothesis {j + 1}", _only_hypothesis(case, j), iterations=each)
-        # Alone it has nothing to be compared with: where the answer scores more, it would have won all the same.
+        # Alone it wins without a rival: an answer with a higher score would have won anyway.
         if again.repaired and not case.group and not case.lab.traits.first_only and _is_outscored(case, again.best):
             continue
         if again.repaired:
@@ -201,9 +201,9 @@ def _only_hypothesis(case: Case, j: int) -> Pools:
 
 
 def budget(case: Case) -> Finding | None:
-    """The answer's hypothesis was still getting better at the end, and a larger budget brings it home.
+    """Finds that the answer's hypothesis was still improving at the end and comes out right with a larger budget.
 
-    Of objects solved together it is also tested where one alone would have come out right with its share.
+    For objects solved together this is also tested where the object alone, with its share, comes out right.
     """
     accepted = _accepted(case)
     falling = accepted[-2] - accepted[-1] if len(accepted) > 1 and accepted[0] <= FAR else 0.0
@@ -243,13 +243,13 @@ def _is_outscored(case: Case, other: Best | None) -> bool:
 
 
 CONVERGED = 20
-"""Calls of the refiner, with nothing simulated between them, after which it does not get any further."""
+"""Refiner calls, without simulation in between, after which it makes no further progress."""
 TRIED_TO_CONVERGE = 10
-"""Hypotheses that are refined so, the nearest first."""
+"""Most hypotheses that are refined in this way, the nearest first."""
 
 
 def leads_there(case: Case) -> Finding | None:
-    """The refiner alone takes a hypothesis to the ground truth, whatever the run made of it."""
+    """Finds a hypothesis that the refiner alone takes to the ground truth, and why the run did not answer with it."""
     if case.group:
         return None
     pulls = np.bincount([i.arm for i in case.own], minlength=len(case.initial_errors))
@@ -258,7 +258,7 @@ def leads_there(case: Case) -> Finding | None:
         if reached is None:
             continue
         T, calls = reached
-        # A pose that has just become correct is still on its way.
+        # A pose that has just become correct may still improve.
         at_end = max(score_causes.scored(case, score_causes.polished(case, T)), key=lambda one: one.score)
         evidence = {
             "hypothesis": float(j),
@@ -282,7 +282,7 @@ def leads_there(case: Case) -> Finding | None:
 
 
 def _refined_alone(case: Case, T_cam_obj: Float) -> tuple[Float, int] | None:
-    """The first correct pose that the refiner alone makes of one, and after how many calls; None if it makes none."""
+    """The first correct pose that the refiner alone reaches from a pose, and after how many calls; None if it fails."""
     T = T_cam_obj
     for calls in range(1, CONVERGED + 1):
         before, T = T, case.lab.refiner.refine(case.target, T, case.placed)
@@ -294,7 +294,7 @@ def _refined_alone(case: Case, T_cam_obj: Float) -> tuple[Float, int] | None:
 
 
 def no_hypothesis(case: Case) -> Finding:
-    """The pool is empty, so that nothing was done."""
+    """Finds that the pool is empty, so that nothing was run."""
     again = _from_gt(case)
     what = f"There is no hypothesis for the {case.name}"
     if again.best is not None and again.best.iteration:
@@ -303,7 +303,7 @@ def no_hypothesis(case: Case) -> Finding:
 
 
 def pool(case: Case) -> Finding | None:
-    """No hypothesis leads there, and ground truth itself as a start does."""
+    """Finds that no hypothesis leads to the ground truth, while ground truth as a start does."""
     if beaten_by_icp(case) is not None:
         return None
     if case.group and case.rerun(ALONE).repaired:
@@ -353,7 +353,7 @@ def pool(case: Case) -> Finding | None:
 
 
 def _started_at_gt(case: Case, again: Rerun) -> str:
-    """What a re-run from ground truth shows; nothing where it answers with the start itself."""
+    """Words for the result of a re-run from ground truth; empty where it answers with the start itself."""
     if again.best is None or again.best.iteration == 0:
         return ""
     return f"; started at the ground truth {instead(again.error, case.error)}"

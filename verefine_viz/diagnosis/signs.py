@@ -1,4 +1,4 @@
-"""Signs of a fault that a finished run shows without a re-run: the first is the verdict, all of them are why.
+"""Signs of a fault that a finished run shows without a re-run: the first is the verdict, all are listed as reasons.
 
 What needs no re-run is decided by the same functions in a diagnosis: undeclared symmetries, data in doubt, and whether
 the score prefers a wrong pose. Where a diagnosis would let a re-run decide, a sign alone must be clearer.
@@ -34,20 +34,20 @@ from verefine_viz.methods.known_methods import MethodInfo, method_of
 STARVED = 0.3
 """A hypothesis that got at most this share of an even split of the iterations, or one of them, was starved."""
 LOW_SCORE = 0.45
-"""An answer that scores less is likely to be wrong."""
+"""Score below which an answer is likely to be wrong."""
 UNFIT_SCORE, FITTING_SCORE = 0.4, 0.7
-"""Ground truth that scores less than the one, where an answer scores more than the other, is not that of this image: a
-model with other axes (Y up) scored 0.08, its answers 0.94."""
+"""Ground truth that scores below the first, where an answer scores above the second, does not belong to this image:
+with a model of other axes (Y up), ground truth scored 0.08 and answers 0.94."""
 LEAK_SHARE = 0.25
-"""More of the pixels without the model may be a mask that leaks."""
+"""Share of pixels without the model above which the mask may leak."""
 NO_LEAD = 5e-4
-"""A smaller lead is none [score]."""
+"""Least lead that counts as one [score]."""
 SAME_POSE_MM = 0.5
-"""Poses that are nearer than this are one [mm]."""
+"""Distance below which two poses count as one [mm]."""
 NEAR_TIE = 0.03
-"""A smaller lead says little about which pose is better [score]. Of refined pairs on real frames, the one that scores
-less is more than 1 mm nearer to ground truth in 3 of 10 where 0.01 to 0.03 lie between, in 3 of 20 up to 0.1, and never
-beyond."""
+"""Lead below which a score says little about which pose is better [score]. Of refined pairs on real frames, the one
+that scores less is more than 1 mm nearer to ground truth in 3 of 10 for leads of 0.01 to 0.03, in 3 of 20 up to 0.1,
+and never beyond."""
 
 
 @dataclass(frozen=True)
@@ -71,12 +71,12 @@ class RunnerUp:
 
 @dataclass(frozen=True, eq=False)
 class FinishedObject:
-    """What a finished run made of one object. Errors are None where they are unknown."""
+    """One object after a finished run. Errors are None where they are unknown."""
 
     target: Target
     label: str
     answer: Best | None = None
-    """None where it had no hypothesis."""
+    """The answer; None where the object had no hypothesis."""
     errors: PoseErrors | None = None
     """Errors of the answer."""
     starts: tuple[PoseErrors | None, ...] = ()
@@ -91,9 +91,9 @@ class FinishedObject:
     undeclared: UndeclaredTurn | None = None
     """The turn that alone makes the answer count as wrong; None where it is right, or wrong otherwise."""
     runner_up: RunnerUp | None = None
-    """None where no other hypothesis could have been the answer."""
+    """The best other hypothesis; None where no other could have been the answer."""
     impossible: Finding | None = None
-    """That it cannot lie where the answer has it; None where it can, or that is unknown."""
+    """The finding that the answer is physically impossible; None where it is possible, or unknown."""
     allowed: AllowedPoses | None = None
     """The poses that the image allows beside the answer, where they are known."""
     seen: tuple[AllowedPoses, float] | None = None
@@ -128,12 +128,12 @@ class FinishedObject:
 
 
 def signs(o: FinishedObject, session: Session, refiner: Refiner | None = None) -> tuple[Finding, ...]:
-    """What is wrong with an answer, or in doubt where there is no ground truth; the most telling first.
+    """Findings on what is wrong with an answer, or in doubt where there is no ground truth; the most telling first.
 
     Args:
         o: the object after the run.
         session: what was run.
-        refiner: of the run; None where poses outside its training range are not to be looked for.
+        refiner: of the run; None = do not check whether starts lie outside its training range.
     """
     if o.answer is None:
         return ()
@@ -213,7 +213,7 @@ def _leak(o: FinishedObject) -> Finding | None:
 
 
 def _unseen_error(o: FinishedObject) -> Finding | None:
-    """The answer is right as far as the image shows."""
+    """Finds that the answer is right as far as the image shows."""
     if o.seen is None or o.errors is None or o.seen[1] >= CORRECT * 1e3 * o.target.model.diameter_m:
         return None
     allowed, error_mm = o.seen

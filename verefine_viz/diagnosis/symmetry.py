@@ -1,4 +1,4 @@
-"""Does an object look the same when it is turned, though its model does not say so?"""
+"""Tests whether an object looks the same after a turn that its model does not declare."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SAME_SHARE = 0.02
 by any angle may be off by as much more as a depth sensor is (``NOISE_M``): a can that is 2.3 to 3.7 mm from round is
 round, but not the same upside down."""
 LEAST_TURN_RAD = np.radians(5.0)
-"""Less of a turn is no symmetry but an error."""
+"""Least turn of a symmetry; a smaller one is an error."""
 STEPS = 30
 
 

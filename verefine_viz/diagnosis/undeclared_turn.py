@@ -18,9 +18,9 @@ class UndeclaredTurn:
     error: float
     """Error of the estimate, as a share of the diameter."""
     error_with_symmetry: float
-    """What it would be if the model declared that turn."""
+    """The error if the model declared that turn."""
     colors_differ: float | None = None
-    """By how much the colours of the model differ after the turn, in [0, 1]; None where it has none."""
+    """Difference of the model's colours after the turn, in [0, 1]; None where it has no colours."""
 
     @property
     def texture_tells(self) -> bool:
@@ -28,7 +28,7 @@ class UndeclaredTurn:
         return self.colors_differ is not None and self.colors_differ >= TEXTURE
 
     def describe(self, name: str) -> str:
-        """What it means for the answer of the object ``name``."""
+        """What the turn means for the answer of the object ``name``."""
         return (
             f"The {name} has the same shape when turned by {self.turn_deg:.0f}°, but its model declares no such "
             "symmetry, so that the turn counts as an error: with it declared, "
@@ -36,7 +36,7 @@ class UndeclaredTurn:
         )
 
     def finding(self, name: str) -> Finding:
-        """That it alone makes the answer of the object ``name`` count as wrong."""
+        """Say that the turn alone makes the answer of the object ``name`` count as wrong."""
         return Finding(
             Cause.SYMMETRIC,
             self.describe(name),

@@ -1,4 +1,4 @@
-"""Which remedies a session can use."""
+"""Tells which remedies a session can use."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from verefine_viz.methods.known_methods import method_of
 
 
 def is_read(remedy: Remedy, session: Session) -> bool:
-    """Whether a session's method does anything with the setting of a remedy."""
+    """Whether a session's method uses the setting of a remedy."""
     method, physics = method_of(session.method.name), session.physics.enabled
     if method.repeats:
         return False

@@ -16,7 +16,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Target
 
 SURFACE_SAMPLES = 20_000
-"""Points drawn on a mesh before thinning: about 40 for each one that stays."""
+"""Points drawn on a mesh before thinning: about 40 for each point that remains."""
 SIDE_COSINE = 0.5
 """Points of one grid cell whose normals differ by more than 60° stay apart: both sides of a wall, both faces of an
 edge."""
@@ -123,7 +123,7 @@ def _means_by_side(points: np.ndarray, normals: np.ndarray, key: np.ndarray) -> 
 
 
 def large_parts(points: Float, side_m: float, share: float) -> Float:
-    """The points without those parts, apart from the rest, that hold less than ``share`` of all."""
+    """The points without parts that stand alone and hold less than ``share`` of all points."""
     if share == 0 or len(points) == 0:
         return points
     i, j = KDTree(points).query_pairs(NEIGHBOUR * side_m, output_type="ndarray").T

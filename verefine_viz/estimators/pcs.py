@@ -1,9 +1,8 @@
 """Initial poses from congruent point sets (Super4PCS, Mellado 2014), as the system the paper starts from uses them.
 
-Four points of the segment are a base; what a rigid motion cannot change about them is looked for among the model's
-points; each match is a pose; how many of the model's points then lie on the segment (LCP, the largest common point
-set: counted, not estimated) ranks it; and the thousands of poses are reduced to a few that differ. docs/methods.md 3.1
-and 3.2.
+Four points of the segment are a base; four points of the model that a rigid motion can lay on it are a match, and
+each match is a pose. Poses are ranked by how many of the model's points lie on the segment (LCP, the largest common
+point set: counted, not estimated). Thousands of them are reduced to a few that differ. docs/methods.md 3.1 and 3.2.
 """
 
 from __future__ import annotations
@@ -27,28 +26,28 @@ from verefine_viz.estimators.pcs_quads import TOLERANCE, DistanceTable, congruen
 from verefine_viz.estimators.pcs_reduction import reduced
 
 MIN_POINTS = 20
-"""Thinned points below which a segment says nothing."""
+"""Least number of thinned points of a segment that can be matched."""
 MIN_PAIRED = 50
-"""Points of the model that make up quads, however far apart they should be: a small object has few that far apart."""
+"""Least number of model points that make up quads, also where fewer lie as far apart as asked, as on a small object."""
 POOL = 25
 """Poses that are chosen where as many or fewer are wanted; the answer is the best of them. docs/methods.md 3.2."""
 MOST_QUADS = 1000
-"""Quads of a base that are tried, a random choice."""
+"""Most quads of a base that are tried, chosen at random."""
 MOST_BINS = 2000
-"""Bins, the best ones, that go into the clusters."""
+"""Most bins, the best ones, that go into the clusters."""
 AT_ONCE = 10_000
-"""Poses that are counted between two checkpoints: a tenth of a second."""
+"""Poses whose LCP is counted between two checkpoints: a tenth of a second."""
 MAX_CELLS = 2**22
 """Most cells of the LCP's grid; around a larger segment they grow beyond δ, which costs time only."""
 
 
 class PcsModel(NamedTuple):
-    """What is made once per model."""
+    """Data made once per model."""
 
     points: Float
-    """(samples, 3) evenly spread [m]: what the LCP counts."""
+    """(samples, 3) evenly spread points that the LCP counts [m]."""
     pairs: DistanceTable
-    """Pairs of the first of them: what quads are made of."""
+    """Pairs of the first of these points, of which quads are made."""
 
     @staticmethod
     def build(model: ObjectModel, settings: PcsSettings) -> PcsModel:
@@ -129,7 +128,7 @@ def candidates(
 
 
 class NearGrid(NamedTuple):
-    """Cells around a cloud, each with those points that are near to some place in it."""
+    """Cells around a cloud, each with the points that are near to some place in it."""
 
     points: Float
     """(N, 3) [m]."""
@@ -175,7 +174,7 @@ def _counts(Ts: np.ndarray, points: np.ndarray, grid: NearGrid) -> np.ndarray:
 @kernel()
 def count_near(R: np.ndarray, t: np.ndarray, points: np.ndarray, grid: NearGrid) -> int:
     """How many of ``points`` (M, 3), turned by R (3, 3) and moved by t (3,), lie within δ of a point of the grid."""
-    # Everything in locals: in the loop, a look into a tuple or a strided matrix costs more than the arithmetic.
+    # Everything in locals: in the loop, reading a tuple or a strided matrix costs more than the arithmetic.
     r00, r01, r02, r10, r11, r12 = R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2]
     r20, r21, r22, tx, ty, tz = R[2, 0], R[2, 1], R[2, 2], t[0], t[1], t[2]
     cloud, starts, candidates = grid.points, grid.starts, grid.candidates
@@ -204,7 +203,7 @@ def count_near(R: np.ndarray, t: np.ndarray, points: np.ndarray, grid: NearGrid)
 def _fill(
     points: np.ndarray, radius: float, low: np.ndarray, side: float, counts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where each cell's points begin, and the points: once to count them, once to enter them."""
+    """Where each cell's points begin, and the points: a first pass counts them, a second enters them."""
     nx, ny, nz = counts[0], counts[1], counts[2]
     starts = np.zeros(nx * ny * nz + 1, dtype=np.int32)
     candidates = np.empty(0, dtype=np.int32)
@@ -223,7 +222,7 @@ def _fill(
                     dy = max(j * side - y, y - (j + 1) * side, 0.0)
                     for k in range(max(0, int((z - radius) / side)), min(nz - 1, int((z + radius) / side)) + 1):
                         dz = max(k * side - z, z - (k + 1) * side, 0.0)
-                        # A hair more than δ, so that rounding loses no point at a cell's border.
+                        # Slightly more than δ, so that rounding loses no point at a cell's border.
                         if dx * dx + dy * dy + dz * dz <= radius * radius * (1.0 + 1e-9):
                             cell = (i * ny + j) * nz + k
                             if entering == 1:

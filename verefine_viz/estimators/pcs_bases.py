@@ -10,11 +10,11 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.kernels import kernel
 
 TRIANGLES = 1000
-"""Random triangles of which the one with the largest area becomes a base. docs/methods.md 3.2."""
+"""Random triangles, of which the largest becomes part of a base. docs/methods.md 3.2."""
 APART = 0.2
 """The fourth point is at least this share of the longest distance away from the other three. docs/methods.md 3.2."""
 ATTEMPTS = 10
-"""First points that are tried for one base; a segment without a fourth point for any of them gives no base."""
+"""Most first points that are tried for a base; a segment without a fourth point for any of them gives no base."""
 PAIRINGS = np.array([[0, 1, 2, 3], [0, 2, 1, 3], [0, 3, 1, 2]])
 """The three ways to join four points by two segments."""
 
@@ -38,7 +38,7 @@ def diameter(points: Float) -> float:
 def draw_base(points: Float, longest_m: float, gap_m: float, rng: np.random.Generator) -> Base | None:
     """One random base of a cloud, or None where the cloud is too small or too thin for any.
 
-    A first point is drawn; of 1000 random triangles with it the widest is taken; the fourth point is the most coplanar
+    A first point is drawn; of 1000 random triangles with it the largest is taken; the fourth point is the most coplanar
     of those that are far from the three and let two of the segments meet. (Super4PCS takes the most coplanar one
     whether or not segments meet; where they do not, no congruent set can be found by its own test.)
 
@@ -148,7 +148,7 @@ def _widest(
             break
         corners[3] = points[i]
         pairing, gap, r1, r2 = best_pairing(corners)
-        # A segment that is met at its end leaves nothing to compare there.
+        # A segment that is met at its end has no ratio to compare.
         if gap <= gap_m and min(r1, r2) > 0.0 and max(r1, r2) < 1.0:
             quad[3] = i
             return True, quad[PAIRINGS[pairing]], r1, r2

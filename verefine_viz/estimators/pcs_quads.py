@@ -13,17 +13,17 @@ from verefine_viz.core.kernels import kernel
 from verefine_viz.estimators.pcs_bases import Base
 
 TOLERANCE = 2.0
-"""In δ: how much the length of a pair, its intermediate point and the residual of the fit may differ from the base."""
+"""Tolerance, in δ, of the length of a pair, of its intermediate point and of the residual of the fit."""
 
 MOST_ACROSS = 2.0**20
-"""Most cells along an axis: their number then fits an integer, and what does not fit the memory says so."""
+"""Most cells along an axis, so that their number fits an integer; where memory is short, an error says so."""
 
 NEWTON_STEPS = 50
 """Most steps towards the largest root of a fit; it converges in about five."""
 
 
 class DistanceTable(NamedTuple):
-    """Every two points of a cloud once, by their distance."""
+    """All pairs of points of a cloud, each once, by their distance."""
 
     distances_m: Float
     """(N·(N-1)/2,) ascending [m]."""
@@ -32,7 +32,7 @@ class DistanceTable(NamedTuple):
 
     @staticmethod
     def build(points: Float) -> DistanceTable:
-        """The table of a cloud (N, 3)."""
+        """The pairs of a cloud (N, 3)."""
         distances = pdist(points).astype(np.float64)
         order = np.argsort(distances, kind="stable")
         first, second = np.triu_indices(len(points), 1)  # the order of pdist
@@ -66,8 +66,8 @@ def congruent_quads(
         points: of the model [m].
         pairs: all pairs of ``points``.
         delta_m: δ [m].
-        most: the search ends at so many.
-        rng: shuffles the pairs, so that those many are a random choice.
+        most: number of quads at which the search ends.
+        rng: shuffles the pairs, so that these quads are a random choice.
     """
     tolerance = TOLERANCE * delta_m
     first = pairs.pairs_of_length(float(np.linalg.norm(base.points[1] - base.points[0])), tolerance)

@@ -1,4 +1,4 @@
-"""From thousands of poses to a few that differ: bins, k-means on translation, k-medoids on rotation inside."""
+"""Reduces thousands of poses to a few that differ: bins, k-means on translation, then k-medoids on rotation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MEDOID_ROUNDS = 3
 def reduced(
     Ts: Float, lcps: Float, symmetry_Rs: Float, keep_share: float, most_bins: int, k: int, rng: np.random.Generator
 ) -> tuple[Float, Float]:
-    """At most k² poses (n, 4, 4) that stand for all, and their LCPs (n,), highest first.
+    """At most k² poses (n, 4, 4) that represent all, and their LCPs (n,), highest first.
 
     A pose has the translation of its cluster's middle and the rotation of a medoid inside, and the LCP of the medoid's
     bin; a cluster of no more than ``k`` bins lists them as they are.
@@ -33,10 +33,10 @@ def reduced(
         Ts: (N, 4, 4) T_cam_obj [m].
         lcps: (N,) in [0, 1].
         symmetry_Rs: (S, 3, 3) of the object, the identity among them.
-        keep_share: of the highest LCP; poses below are left out, as are poses of LCP 0.
-        most_bins: the best ones go on.
+        keep_share: share of the highest LCP; poses below are left out, as are poses of LCP 0.
+        most_bins: how many bins, the best ones, are clustered.
         k: clusters, and medoids in each.
-        rng: of both.
+        rng: for k-means and k-medoids.
     """
     highest = lcps.max(initial=0.0)
     high = (lcps >= keep_share * highest) & (lcps > 0)
@@ -108,7 +108,7 @@ def clusters_of_translations(translations: Float, k: int, rng: np.random.Generat
 
 
 def medoids(quats_wxyz: Float, symmetry_quats_wxyz: Float, k: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Indices of k rotations (of N unit quaternions) that stand for the others; all of them where N ≤ k.
+    """Indices of k rotations (of N unit quaternions) that represent the others; all where N ≤ k.
 
     Distance is the smallest angle over the object's symmetries. (The published code takes the mean of three Euler
     differences, each folded by 90°, 180° or 360°: that depends on the frame, tears rotations apart near its poles and

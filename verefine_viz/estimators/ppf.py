@@ -38,7 +38,7 @@ from verefine_viz.estimators.ppf_model import (
 )
 
 MIN_POINTS = 10
-"""Thinned points below which a segment says nothing."""
+"""Least number of thinned points of a segment that can be matched."""
 TURN_BINS = 36
 """Bins of the turn about a reference's normal, 360° together."""
 PEAKS = 4

@@ -64,7 +64,7 @@ class FeatureTable(NamedTuple):
 
 
 class PpfModel(NamedTuple):
-    """All that is needed of a model to find it."""
+    """The data needed to find a model."""
 
     table: FeatureTable
     field: SurfaceField
@@ -142,7 +142,7 @@ def write(path: Path, learnt: PpfModel) -> None:
 
 
 def _is_sound(learnt: PpfModel) -> bool:
-    """Whether compiled loops can use it without leaving its arrays."""
+    """Whether compiled loops stay inside the arrays of a table from the cache."""
     t, f = learnt
     n_points, n_bins, n_pairs = len(t.points), t.n_distances * t.n_angles**3, len(t.first)
     shapes = [(n_points, 3), (n_points, 3), (n_points, 3, 3), (n_bins + 1,), (n_bins,), (n_pairs,), (n_pairs,)]
@@ -210,7 +210,7 @@ def pair_table(
 def bin_of(
     feature: tuple[float, float, float, float], distance_bin_m: float, angle_bin_rad: float, n_angles: int
 ) -> int:
-    """Number of the bin that a feature falls into."""
+    """Index of the bin that a feature falls into."""
     distance_m, at_first, at_second, between = feature
     key = int(distance_m / distance_bin_m) * n_angles + int(at_first / angle_bin_rad)
     return (key * n_angles + int(at_second / angle_bin_rad)) * n_angles + int(between / angle_bin_rad)
@@ -256,7 +256,7 @@ def _group_by_bin(key: np.ndarray, starts: np.ndarray) -> np.ndarray:
 
 @kernel()
 def angle(cosine: float) -> float:
-    """The angle of a cosine that rounding may have pushed beyond 1 [rad]; π where it is NaN: it becomes an index."""
+    """The angle of a cosine that rounding may have pushed beyond 1 [rad]; π for NaN, as the angle becomes an index."""
     return np.arccos(min(1.0, max(-1.0, cosine)))  # In this order: NaN is not larger than −1.
 
 

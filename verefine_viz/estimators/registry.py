@@ -39,11 +39,11 @@ def _densefusion_hash(session: Session) -> str:
 
 ESTIMATORS: dict[str, Callable[[Session], Estimator]] = {"ppf": _ppf, "pcs": _pcs, "densefusion": _densefusion}
 WEIGHTS: dict[str, Callable[[Session], str]] = {"densefusion": _densefusion_hash}
-"""The hash of the weights of each learned estimator, by which recordings and run.json name them."""
+"""Hash of the weights of each learned estimator, for recordings and run.json."""
 
 
 def make_estimator(name: str, session: Session, own: OwnParts = NO_PARTS) -> Estimator:
-    """The estimator of that name with the session's settings; ``own``, parts of the caller, come before others.
+    """The estimator of a name with the session's settings; ``own``, parts of the caller, take precedence.
 
     Raises:
         SettingsError: no estimator has that name; lists those that exist.

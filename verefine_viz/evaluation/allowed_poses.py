@@ -1,4 +1,4 @@
-"""What the image allows: the poses of an object that its score cannot tell from an answer, as data."""
+"""Allowed poses, as data: poses of an object that its score cannot tell from an answer."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Frame = Literal["table", "object"]
 Letter = Literal["x", "y", "z"]
 
 CANNOT_TELL = 2.0
-"""A difference of less than so many standard deviations of its noise is none."""
+"""Standard deviations of its noise below which a difference does not count."""
 ALL_SIX = 3.15
 """Six small motions are within so many standard deviations with a probability of 95 % (Bonferroni; Student's t of the
 12 draws that the noise is known from)."""
 STEP_DEG, STEP_MM = 3.0, 2.0
-"""How densely the poses along an axis are listed."""
+"""Spacing of the poses that are listed along an axis."""
 LONGEST_MM = 30.0
-"""No shift further than this is looked at."""
+"""Largest shift that is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Axis:
     pivot_cam: Float
     """(3,) a point on the axis of a turn [m]."""
     words: str
-    """What moves: "turn about the vertical"."""
+    """The motion in words: "turn about the vertical"."""
 
     @property
     def unit(self) -> Unit:
@@ -56,16 +56,16 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """How far an object may be moved along one axis, all other motions being free."""
+    """Range in which an object may be moved along one axis, all other motions being free."""
 
     axis: Axis
     low: float
     high: float
-    """From ``low`` ≤ 0 to ``high`` ≥ 0 the observation cannot tell [mm] or [deg]."""
+    """The observation cannot tell poses apart from ``low`` ≤ 0 to ``high`` ≥ 0 [mm] or [deg]."""
     offsets: Float
-    """(n,) ascending, where more than a small motion is allowed: poses were tried there [mm] or [deg]."""
+    """(n,) offsets at which poses were tried, ascending, where more than a small motion is allowed [mm] or [deg]."""
     poses: Float
-    """(n, 4, 4) the poses that score most there."""
+    """(n, 4, 4) the poses with the highest score at these offsets."""
 
     @property
     def width(self) -> float:
@@ -102,7 +102,7 @@ class AlikePose:
     """A pose that the observation cannot tell from an answer."""
 
     T_cam_obj: Float
-    """(4, 4)."""
+    """The pose (4, 4)."""
     score: float
     score_of_answer: float
     """The highest score next to the answer."""
@@ -119,16 +119,16 @@ class AlikePose:
 
 @dataclass(frozen=True, eq=False)
 class SixMotions:
-    """Motions of a pose: three shifts along the axes of the table, three turns about them through a point."""
+    """Coordinates of a pose's motions: three shifts along the table's axes, three turns about them through a point."""
 
     T_cam_obj: Float
-    """(4, 4) where they begin."""
+    """(4, 4) the pose where motions begin."""
     centre_cam: Float
     """(3,) the point [m]."""
     directions_cam: Float
     """(3, 3) a unit direction in each row."""
     unit: Float
-    """(6,) motions that move the surface by as much as each other [mm, deg]."""
+    """(6,) motions that move the surface by equal amounts [mm, deg]."""
 
     def moved(self, motion: Float) -> Float:
         """The pose (4, 4) after a motion (6,) [mm, deg]."""
@@ -157,22 +157,22 @@ class SixMotions:
 
 @dataclass(frozen=True, eq=False)
 class SmallMotions:
-    """How uncertain a pose is, by the motions that lead from it to where it should be."""
+    """Uncertainty of a pose, as motions that lead from it to the true pose."""
 
     six: SixMotions
     offset: Float
     """(6,) the likeliest motion [mm, deg]."""
     covariance: Float
-    """(6, 6) of the motion [mm, deg]."""
+    """(6, 6) covariance of the motion [mm, deg]."""
 
     def within(self, axis: Axis) -> tuple[float, float]:
-        """From where to where a motion along an axis may go [mm] or [deg], with a probability of 95 %."""
+        """The 95 % interval of a motion along an axis [mm] or [deg]."""
         along = self.six.along(axis)
         middle, spread = float(along @ self.offset), float(np.sqrt(max(along @ self.covariance @ along, 0.0)))
         return min(middle - CANNOT_TELL * spread, 0.0), max(middle + CANNOT_TELL * spread, 0.0)
 
     def allow(self, motion: Float) -> bool:
-        """Whether all parts of a motion (6,) are within what 95 % are, seen together."""
+        """Whether all parts of a motion (6,) lie within their joint 95 % intervals."""
         return bool((np.abs(motion) <= ALL_SIX * np.sqrt(np.diag(self.covariance))).all())
 
 
@@ -185,9 +185,9 @@ class AllowedPoses:
     T_cam_obj: Float
     """(4, 4) the answer."""
     score: float
-    """Its score."""
+    """Score of the answer."""
     T_best: Float
-    """(4, 4) the pose next to it that scores most."""
+    """(4, 4) the pose with the highest score near the answer."""
     small: SmallMotions
     extents: tuple[Extent, ...]
     """Extents along each of the twelve axes: three shifts and three turns of the table, then of the model."""
@@ -197,7 +197,7 @@ class AllowedPoses:
     """The allowed pose that is furthest from the answer, where it is further than 10 % of the diameter; None where
     one is better than the answer."""
     radius_mm: float
-    """Half of the model's diameter: what a turn by 1 rad moves a far point by."""
+    """Half of the model's diameter: the motion of a far point by a turn of 1 rad."""
 
     @property
     def undetermined_mm(self) -> float:
@@ -211,7 +211,7 @@ class AllowedPoses:
 
     @cached_property
     def least_certain(self) -> Extent:
-        """Along which the object's surface could be furthest from where it is said to be."""
+        """The extent along which the object's surface could be furthest from the answer's."""
 
         def reach_mm(extent: Extent) -> float:
             return extent.width if extent.axis.kind == "shift" else np.deg2rad(extent.width) * self.radius_mm
@@ -222,7 +222,7 @@ class AllowedPoses:
 
     @cached_property
     def anchors(self) -> tuple[Float, ...]:
-        """The answer, and poses (4, 4) further from it than small motions lead: along axes, and by themselves."""
+        """The answer, and poses (4, 4) beyond small motions from it: along axes, and isolated ones."""
         along = (T for extent in self.extents for T in extent.along())
         return (self.T_cam_obj, *along, *(one.T_cam_obj for one in self.alike))
 

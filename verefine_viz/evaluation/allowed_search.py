@@ -1,4 +1,4 @@
-"""Works out what the image allows: all poses whose score differs from an answer's by no more than noise explains.
+"""Finds the allowed poses: all poses whose score differs from an answer's by no more than noise explains.
 
 Three parts, all of them batches of scores:
 
@@ -47,29 +47,29 @@ from verefine_viz.evaluation.rotation_errors import symmetric_angles_rad
 APART = 0.1
 """Poses closer to each other than this share of the diameter (ADD(-S)) count as one."""
 SAMPLES, SPREAD_MM = 80, 3.0
-"""Poses that the quadratic is fitted to, and how far they are spread [mm]; turns move the surface by as much."""
+"""Number of poses that the quadratic is fitted to, and their spread [mm]; turns move the surface by as much."""
 FLATTEST = 0.02
-"""Curvatures of the score below this share of the largest one are taken for it."""
+"""Least curvature of the score, as a share of the largest one; lower ones are raised to it."""
 FAR_DEG = (3.0, 6.0, 12.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0, 110.0, 130.0, 150.0, 165.0, 180.0)
 FAR_MM = (2.0, 4.0, 8.0, 16.0, LONGEST_MM)
 """Steps outwards along an axis."""
 NEAR_AXES = 0.7
 """Cosine of the angle up to which of two axes the wider one is followed alone."""
 GAIN = 0.05
-"""A pose that scores less by more than this is not looked at: small motions do not gain as much."""
+"""Deficit in score above which a pose is not tried, as small motions do not gain as much."""
 DIP = 0.02
-"""A fall by less does not end the way outwards: small motions may not have been the best."""
+"""Fall in score that does not end a search along an axis, as its small motions may not have been the best."""
 TRIES, ROUNDS, MORE_ROUNDS, SHORTER = 6, 2, 4, 0.6
 """Small motions that are tried at once on the way outwards; how often, and how often more where it is not clear whether
 a pose is allowed; how much shorter they get each time."""
 BEST_ROUNDS = 4
 """Rounds of small motions from the best pose near the answer."""
 MOST_ALIKE = 6
-"""Poses by themselves that are looked at."""
+"""Most isolated poses that are tried."""
 PARALLEL = 0.97
 """Cosine of the angle up to which two axes count as one."""
 SAME_DEG = 1.0
-"""A turn that a declared symmetry undoes but for less than this looks the same [deg]."""
+"""Angle up to which a declared symmetry must undo a turn for the object to look the same [deg]."""
 
 
 def allowed_poses(
@@ -124,7 +124,7 @@ def run_poses(target: Target, iterations: Iterable[Iteration]) -> list[Float]:
 
 @dataclass
 class _Way:
-    """An axis that is followed to one side."""
+    """State of a search along one axis, to one side."""
 
     number: int
     axis: Axis
@@ -137,11 +137,11 @@ class _Way:
     is_open: bool = True
     step: int = 0
     margin: float = 0.0
-    """How much less than what noise explains the score has fallen, at the last step."""
+    """By how much less than noise explains the score had fallen at the last step."""
 
 
 class _Search:
-    """What is known while the poses are worked out."""
+    """The search for the allowed poses of one answer."""
 
     def __init__(self, verifier: Verifier, target: Target, T_cam_obj: Float, placed: Sequence[Placed]) -> None:
         self.verifier, self.target, self.placed, self.T = verifier, target, placed, T_cam_obj
@@ -167,10 +167,10 @@ class _Search:
         return float(np.hypot(self.noise.of(T_cam_obj, score.n_pixels * self.every**2), coarse))
 
     def allowed(self, others: Sequence[Float]) -> AllowedPoses:
-        """All of them; ``others`` are poses (4, 4) to look at by themselves."""
+        """All allowed poses; ``others`` are isolated poses (4, 4) to try as well."""
         small = self._small_motions()
         self.spread = np.minimum(np.sqrt(np.diag(small.covariance)), 0.5 * self.six.unit)
-        """(6,) how far small motions go that look for the highest score."""
+        """(6,) size of the small motions that search for the highest score."""
         ((self.T_best, self.best),) = self._climbed([(self.T_best, None)], range(BEST_ROUNDS))
         ways = self._followed(small)
         extents = tuple(self._extent(k, axis, small, ways) for k, axis in enumerate(self.axes))
@@ -206,7 +206,7 @@ class _Search:
         values = np.array([one.score for one in scores])
         best = int(np.argmax(values))
         self.T_best, self.best = poses[best], scores[best]
-        """The pose that scores most near the answer, which others are compared with."""
+        """The pose with the highest score near the answer, which others are compared with."""
         gradient, hessian = _quadratic(X, values[1:])
         bends, turned = np.linalg.eigh(hessian)
         bends = np.maximum(bends, FLATTEST * max(float(bends[-1]), 1e-12))
@@ -247,7 +247,7 @@ class _Search:
         return ways
 
     def _step(self, ways: Sequence[_Way]) -> None:
-        """Takes one more step on each."""
+        """Take one more step along each axis."""
         for way in ways:
             offset = way.side * _steps(way.axis)[way.step]
             way.T_cam_obj = way.axis.moved(way.T_cam_obj, offset - way.offset)
@@ -279,7 +279,7 @@ class _Search:
         return self.best.score - score.score
 
     def _margin(self, T_cam_obj: Float, score: PoseScore) -> float:
-        """How much less than what noise explains a pose's score is lower than the highest."""
+        """By how much less than noise explains a pose's score is below the highest."""
         fall = self._fall(score)
         if fall <= 0 or fall > CANNOT_TELL * self.noise.most:  # Its own noise does not matter.
             return CANNOT_TELL * self.noise.most - fall
@@ -311,7 +311,7 @@ class _Search:
         return [about.moved(motion) for motion in motions]
 
     def _is_same(self, axis: Axis, offset: float) -> bool:
-        """Whether a declared symmetry undoes the turn: what would differ is how the mesh's facets lie."""
+        """Whether a declared symmetry undoes the turn, so that only the facets of the mesh would differ."""
         model = self.target.model
         if not model.is_symmetric or axis.kind == "shift":
             return False

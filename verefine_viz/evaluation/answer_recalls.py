@@ -1,4 +1,4 @@
-"""BOP's recalls of a single answer: the shares of the thresholds of VSD, MSSD and MSPD that it passes.
+"""BOP recalls of a single answer: the shares of the thresholds of VSD, MSSD and MSPD that it passes.
 
 The mean over many objects, 0 where one has no answer, is BOP's average recall with each answer matched to the object
 that it is about, measured on the object's own mesh. Source: Hodan et al., BOP challenge 2019.

@@ -35,10 +35,10 @@ from verefine_viz.evaluation.vsd import DELTA_MM, DELTA_MM_ITODD
 from verefine_viz.scenes.annotations import Task
 
 MAX_PER_IMAGE = {"xyzibd": 200}
-"""Detection: estimates of an image that count, the best ones; 100 for all other data sets."""
+"""Detection: most estimates of an image that count, the best ones; 100 for all other data sets."""
 
 INDEX_FROM = 32
-"""Estimates of an object from which on an index for ADI pays."""
+"""Number of estimates of an object from which an index for ADI saves time."""
 
 Report = Callable[[int, int], None]
 """Called with how many images are done, and how many there are."""
@@ -58,23 +58,23 @@ class RowCounts:
     targets: int
     """Instances asked for."""
     missing: int
-    """Instances asked for beyond the number of rows that are there for them."""
+    """Instances asked for that have no row."""
 
     @property
     def answered(self) -> int:
-        """Instances asked for that have a row, whatever its pose is worth."""
+        """Instances asked for that have a row, however wrong its pose."""
         return self.targets - self.missing
 
 
 @dataclass(frozen=True, eq=False)
 class BopScores:
-    """One method on one data set. ``recalls`` is there for localization, ``precision`` for detection."""
+    """Scores of one method on one data set: ``recalls`` for localization, ``precision`` for detection."""
 
     name: str
     task: Task
     counts: RowCounts
     mean_time_s: float
-    """Mean time an image [s]; -1 = unknown."""
+    """Mean time per image [s]; -1 = unknown."""
     recalls: Recalls | None
     recalls_by_object: dict[int, Recalls]
     recalls_by_scene: dict[int, Recalls]
@@ -83,7 +83,7 @@ class BopScores:
     answers: tuple[AskedInstance, ...]
     """Localization: one entry per instance asked for, images in the order of the targets."""
     own: BopScores | None = None
-    """Scores over the table's own part, as if nothing else were asked for; None where it has none."""
+    """Scores over the table's own part, as if nothing else were asked for; None where there is no such part."""
 
 
 def bop_scores(

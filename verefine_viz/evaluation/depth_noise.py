@@ -1,10 +1,10 @@
-"""The noise of a depth image, measured in the image itself, and what it does to the score of a pose.
+"""Measures the noise of a depth image in the image itself, and how it changes the score of a pose.
 
-A stereo or structured-light sensor errs in disparity, so the noise of inverse depth 1/z is about the same everywhere
-and that of z grows with z² (Khoshelham and Elberink 2012; :mod:`verefine_viz.scenes.sensor` makes it so). Its size is
-that of the residuals of planes, which are linear in 1/z, in small blocks of the frame, and so is how far neighbouring
-pixels share it. The noise is then resampled, normals are estimated again as they were, and the score's
-answer to both is taken as linear: a pose costs one set of score maps instead of one score for every resampled image.
+A stereo or structured-light sensor errs in disparity, so the noise of inverse depth 1/z is about the same everywhere,
+and the noise of z grows with z² (Khoshelham and Elberink 2012; simulated by :mod:`verefine_viz.scenes.sensor`). Planes
+are linear in 1/z: their residuals in small blocks of the frame give the size of the noise, and how far neighbouring
+pixels share it. The noise is then resampled, normals are estimated again, and the response of the score to both is
+taken as linear: a pose costs one set of score maps instead of one score for every resampled image.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from verefine_viz.observation.normals import estimate_normals
 BLOCK_PX = 15
 """Side of the blocks in which a plane is fitted."""
 FEWEST_BLOCKS = 12
-"""With fewer blocks of complete depth the noise of a usual sensor is assumed."""
+"""Least number of blocks with complete depth; with fewer, the noise of a usual sensor is assumed."""
 USUAL_PER_M, USUAL_GRAIN_PX = 1.6e-3, 1.2
 """Noise of 1/z [1/m] (0.8 mm at 0.7 m) and its grain, where a frame does not show its own."""
 GRAINS_PX = (0.0, 0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.2, 2.6, 3.0)
@@ -40,26 +40,26 @@ GRAINS_PX = (0.0, 0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.2, 2.6, 3.0)
 N_DRAWS = 12
 """How often the noise is resampled: a standard deviation is known to 20 %."""
 MOST_CELLS = 2500
-"""Cells of pixels in which the score's answer to noise is worked out."""
+"""Most cells of pixels in which the response of the score to noise is computed."""
 SAMPLED = 2
 """Rows, and columns, of a cell in which normals are estimated."""
 JITTER_MM, JITTERS = 0.03, 3
-"""How far a pose is moved, and turned [deg], to see how finely its score resolves, and how often to each side."""
+"""Step by which a pose is moved, and turned [deg], to measure how finely its score resolves; and steps to each side."""
 MARGIN_PX = 12
-"""Shown around the object: as far as a normal's window reaches."""
+"""Margin around the object: the reach of a normal's window."""
 
 
 @dataclass(frozen=True)
 class DepthNoise:
-    """How noisy a depth image is."""
+    """Noise of a depth image."""
 
     per_m: float
     """Standard deviation of 1/z [1/m]."""
     grain_px: float
-    """Standard deviation of the Gaussian that would smooth white noise to this one [px]: 0 = white."""
+    """Standard deviation of the Gaussian that makes such noise from white noise [px]; 0 = white."""
 
     def at_m(self, z_m: Float) -> Float:
-        """Standard deviation of z at distances [m]."""
+        """Standard deviation of z [m] at distances ``z_m`` [m]."""
         return self.per_m * z_m * z_m
 
 
@@ -87,7 +87,7 @@ def _measure(depth_m: NDArray[np.float32]) -> DepthNoise:
     typical = float(np.median(variance))
     smooth = rest[variance <= typical].reshape(-1, BLOCK_PX, BLOCK_PX)
     shared = float((smooth[:, :, 2:] * smooth[:, :, :-2]).mean() / max(float((smooth * smooth).mean()), 1e-30))
-    # What such residuals are for noise of each grain: a plane takes some of coarse noise along.
+    # Expected residuals for noise of each grain: a plane also fits some of coarse noise.
     left, expected = _residuals()
     grain_px = float(np.interp(shared, expected, GRAINS_PX))
     return DepthNoise(float(np.sqrt(typical / np.interp(grain_px, GRAINS_PX, left))), grain_px)
@@ -99,15 +99,15 @@ _PLANE = np.linalg.qr(np.stack([np.ones(BLOCK_PX**2), _U, _V], axis=1))[0]
 
 @cache
 def _residuals() -> tuple[Float, Float]:
-    """For each of the ``GRAINS_PX``: the share of the noise's variance that a plane leaves, and how far the residuals
-    of two pixels are alike that are two apart in a row.
+    """For each of the ``GRAINS_PX``: the share of the noise's variance that remains after a plane fit, and the
+    correlation of residuals two pixels apart in a row.
     """
     square = (_U[:, None] - _U) ** 2 + (_V[:, None] - _V) ** 2
     i, j = np.nonzero((_U[:, None] + 2 == _U) & (_V[:, None] == _V))
     every = np.arange(BLOCK_PX**2)
     left, shared = [], []
     for grain_px in GRAINS_PX:
-        # Noise that a Gaussian smoothed is alike by exp(−(k / 2σ)²) k pixels further.
+        # Correlation of noise smoothed by a Gaussian: exp(−(k / 2σ)²) at a distance of k pixels.
         alike = np.exp(-square / (4 * max(grain_px, 0.1) ** 2))
         by_plane = alike @ _PLANE
         within = _PLANE.T @ by_plane
@@ -124,8 +124,8 @@ def _residuals() -> tuple[Float, Float]:
 
 
 def resampled(depth_m: NDArray[np.floating], noise: DepthNoise, rng: np.random.Generator) -> NDArray[np.float32]:
-    """The depth image (H, W) [m] with as much noise again; 0 stays 0."""
-    # Evenly distributed, which is drawn sooner: what is asked of the noise is its variance and its grain.
+    """The depth image (H, W) [m] with further noise of this kind; 0 stays 0."""
+    # Uniform, which is faster to draw: only the variance and the grain of the noise matter.
     grain = (rng.random(depth_m.shape, dtype=np.float32) - np.float32(0.5)) * np.float32(np.sqrt(12))
     if noise.grain_px > 0:
         # Divided by the norm of the filter, so that the noise has variance 1 again.
@@ -142,19 +142,19 @@ def _gain(grain_px: float) -> float:
 
 
 class ScoreNoise:
-    """How much the noise of the sensor changes the difference between the scores of two poses of one object.
+    """Noise of the difference between the scores of two poses of one object.
 
-    Noise that moves both scores alike is no part of it. How finely a score resolves is: it counts whole pixels, and
-    which of those at the outline count changes with hundredths of a millimetre.
+    Noise that changes both scores alike does not count. The resolution of the score does: it counts whole pixels, and
+    which pixels at the outline count changes with hundredths of a millimetre.
 
     Args:
-        verifier: whose score it is.
+        verifier: the verifier of the scores.
         target: the object in its frame.
-        T_cam_obj: (4, 4) the pose that others are compared with.
+        T_cam_obj: (4, 4) the reference pose, which others are compared with.
         placed: other objects that may hide parts.
-        free: of a pose that was fitted the motions that were free, each as the poses (4, 4) at its two ends. What the
-            fit leaves unexplained then tells of errors of depth and mesh (:mod:`verefine_viz.evaluation.fit_error`)
-            beside the noise of the pixels; and what the motions can undo is no noise of a difference.
+        free: motions that were free when the pose was fitted, each as the poses (4, 4) at its two ends. The residual of
+            the fit then shows errors of depth and mesh (:mod:`verefine_viz.evaluation.fit_error`) beside the noise of
+            the pixels; and noise that these motions can undo does not count.
     """
 
     def __init__(
@@ -185,12 +185,12 @@ class ScoreNoise:
         part = Camera(K, depth_m.shape[1], depth_m.shape[0])
         centre_m = depth_m[np.ix_(self._grid.rows - top, self._grid.columns - left)].astype(np.float64)
         self._spread_m = np.maximum(np.hypot(noise.at_m(centre_m), error.std_m), 1e-9)
-        # A cell stands for all of its pixels. Their normals share most of their windows, so a few of them will do.
+        # A cell represents all of its pixels. Their normals share most of their windows, so a few pixels are enough.
         own = np.unique(np.linspace(0, step - 1, SAMPLED + 2).round().astype(np.int64)[1:-1])
         sampled = PixelGrid(*((step * np.arange(n)[:, None] + own).ravel() for n in (rows, columns)))
 
         def cell_means(values: NDArray[np.float32]) -> NDArray[np.float32]:
-            """The mean of each cell, from values of some of its pixels in every row and column."""
+            """The mean of each cell, from the values of some of its pixels."""
             n = len(values) // rows
             by_row = values.reshape(rows, n, *values.shape[1:]).sum(axis=1)
             return by_row.reshape(rows, columns, n, *values.shape[2:]).sum(axis=2) / n**2
@@ -206,20 +206,20 @@ class ScoreNoise:
         self._changes = changes.reshape(N_DRAWS, -1)
         self._scores = verifier.settings
         scores = verifier.score(target, _jittered(T_cam_obj), placed)
-        # From both neighbours, so that a score that rises or falls is not taken for one that jumps.
+        # Relative to both neighbours, so that a steady rise or fall is not taken for a jump.
         jumps = np.diff(scores.score, 2)
         self._resolution = float(np.sqrt(np.mean(jumps**2) / 6))
         self.score = float(scores.score[JITTERS])
-        """Score of the pose compared with."""
+        """Score of the reference pose."""
         self.least = float(np.sqrt(2) * self._resolution)
         """The noise of a difference to a pose that looks the same: how finely the score resolves."""
         slope = self._slope_of(T_cam_obj, int(scores.n_pixels[JITTERS]))
-        # Without maps the images are scored one by one, and two poses' scores are taken to share nothing.
+        # Without maps the images are scored one by one, and scores of two poses are taken as independent.
         self._drawn = None if slope is not None else self._spread_of_images(T_cam_obj, noise)
         self._slope = np.zeros(0, np.float32) if slope is None else slope
         spread = self._spread(self._slope) if self._drawn is None else self._drawn
         self.most = 2.0 * float(np.hypot(spread, self._resolution))
-        """About the largest noise of a difference: that of two poses whose scores share nothing."""
+        """About the largest noise of a difference: that of two poses with independent scores."""
         self.gradient: Float | None = None
         """(draws, n) the noise of the difference between the two ends of each free motion; None where there are none,
         or the score is not made of pixels."""
@@ -230,13 +230,13 @@ class ScoreNoise:
             self._undo(np.array([there - back for there, back in ends if there is not None and back is not None]))
 
     def of(self, T_cam_obj: Float, n_pixels: int) -> float:
-        """Standard deviation of the score of ``T_cam_obj`` (4, 4) minus that of the pose compared with; ``n_pixels``: N
-        of that score.
+        """Standard deviation of the score of ``T_cam_obj`` (4, 4) minus that of the reference pose; ``n_pixels``: N of
+        the score.
         """
         return float(np.hypot(self.of_depth(T_cam_obj, n_pixels), self.least))
 
     def of_depth(self, T_cam_obj: Float, n_pixels: int) -> float:
-        """The part of it that is due to the noise of the depth image."""
+        """The part of this deviation that is due to the noise of the depth image."""
         slope = None if self._drawn is not None else self._slope_of(T_cam_obj, n_pixels)
         if slope is None:
             return np.sqrt(2) * (self._drawn or 0.0)
@@ -248,14 +248,14 @@ class ScoreNoise:
         return self._spread(apart)
 
     def _undo(self, slopes: NDArray[np.float32]) -> None:
-        """Learns what free motions do: ``slopes`` (n, cells · 4), the difference between the two ends of each."""
+        """Take into account free motions by ``slopes`` (n, cells · 4), the difference between the two ends of each."""
         self.gradient = np.einsum("ki,ni->kn", self._changes, slopes).astype(np.float64)
-        # In units of each cell's noise, so that cells count by what they add to it.
+        # In units of each cell's noise, so that cells count by their share of it.
         self._unit = np.sqrt(np.mean(self._changes**2, axis=0)) + np.float32(1e-12)
         self._motions = np.linalg.qr((slopes * self._unit).T.astype(np.float64))[0]
 
     def _spread_of_images(self, T_cam_obj: Float, noise: DepthNoise) -> float:
-        """Standard deviation of a pose's score over images with as much noise again."""
+        """Standard deviation of a pose's score over resampled images."""
         observation, rng = self._target.observation, np.random.default_rng(0)
         scores: list[float] = []
         for _ in range(N_DRAWS):

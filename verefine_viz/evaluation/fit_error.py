@@ -1,4 +1,4 @@
-"""What a fit leaves unexplained: errors of depth and of the mesh that change slowly over the surface.
+"""Estimates what a fit leaves unexplained: errors of depth and of the mesh that change slowly over the surface.
 
 The noise of single pixels averages out over an object. What moves a fitted pose are errors that neighbouring pixels
 share: a sensor that measures heights short, a mesh that is a millimetre too thick. Their size shows in the residuals:
@@ -21,7 +21,7 @@ SMOOTHED = 1 / 16
 GRAIN = 1 / 8
 """Grain of the errors, as a share of the side of the seen surface."""
 TAKEN = 3.2
-"""Errors are so much larger than what a fit leaves of them."""
+"""Ratio of errors to what a fit leaves of them."""
 WHITE = float(1 / np.sqrt(4 * np.pi))
 """Grain that white noise behaves as if it had, smoothed [px]."""
 FEWEST = 50

@@ -1,4 +1,4 @@
-"""What estimates are compared with: poses, depth images and models of a BOP folder or of problems in memory."""
+"""Ground truth that estimates are compared with: poses, depth images and models of a BOP folder or of problems."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def find_targets(dataset: Path, split: str, task: Task | None = None) -> Path:
 
 
 VISIB_FRACT = 0.1
-"""Instances that are less visible are no targets (BOP)."""
+"""Least visible share of an instance that is a target (BOP)."""
 
 
 @dataclass(frozen=True, eq=False)

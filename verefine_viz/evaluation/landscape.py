@@ -1,4 +1,4 @@
-"""Works out the score around a pose: how it falls along twelve axes, and over two of them.
+"""Computes the score around a pose: along twelve axes, and over two of them.
 
 Answers depend on the arguments only: page and recording have the same bits.
 """
@@ -16,7 +16,7 @@ from verefine_viz.evaluation.pose_landscape import Curve, Landscape, Slice
 
 SHIFTS_MM = (1.0, 2.0, 4.0, 8.0, 16.0, LONGEST_MM)
 TURNS_DEG = (1.5, 3.0, 6.0, 12.0, 25.0, 45.0, 70.0, 90.0, 115.0, 135.0, 160.0, 180.0)
-"""Distances from the pose, to both sides, at which it is scored."""
+"""Number of distances from the pose, to each side, at which it is scored."""
 SLICE = 13
 """Poses along a side of a 2D slice."""
 

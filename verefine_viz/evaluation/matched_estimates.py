@@ -1,4 +1,4 @@
-"""What each instance asked for got: the estimate that is meant for it, and how far off that is."""
+"""Matches estimates to instances, and measures the errors of the estimate of each instance."""
 
 from __future__ import annotations
 

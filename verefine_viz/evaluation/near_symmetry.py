@@ -33,13 +33,13 @@ NEAR_SHARE = 0.018
 """A shape nearly looks the same if its surface stays apart by less than this share of the diameter in the mean. Of
 YCB-V, turned about their axes, the mug is at 1.0 % and the pitcher at 1.7 %, the power drill turned over at 2.4 %."""
 LEAST_TURN_RAD = np.radians(30.0)
-"""A smaller turn is left to the refiner."""
+"""Least turn that is searched; smaller ones are left to the refiner."""
 SAME_RAD = np.radians(25.0)
-"""Turns that differ by less are one, and so are axes."""
+"""Angle below which two turns, or two axes, count as one."""
 SAME_AXIS = float(np.cos(SAME_RAD))
 
 N_POINTS = 6000
-"""Points of the mesh that stand for its surface."""
+"""Points of the mesh that represent its surface."""
 N_ROTATIONS = 4000
 """Rotations of the grid: at most 15° from any other rotation."""
 N_STARTS, START_SHARE = 60, 0.08
@@ -62,7 +62,7 @@ MOST_AXES, AXES_OF_BALL = 6, 3
 """Different axes that are tried as continuous ones, and how many are enough of a ball's."""
 LARGEST_ORDER = 12
 TURNS_DEG = (4, 8, 16, 32, 64, 96, 128, 160, 180, -160, -128, -96, -64, -32, -16, -8, -4)
-"""Turns that stand for all turns about a continuous axis: dense where a pose is nearly right."""
+"""Turns that represent all turns about a continuous axis: dense where a pose is nearly right."""
 DIGITS = 6
 """Decimals of rotation vectors and translations, so that machines that round otherwise agree."""
 
@@ -113,7 +113,7 @@ _known: WeakKeyDictionary[ObjectModel, tuple[NearSymmetry, ...]] = WeakKeyDictio
 def near_symmetries(
     model: ObjectModel, folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
 ) -> tuple[NearSymmetry, ...]:
-    """Near-symmetries of a model: continuous axes first, then by distance. A second's work, once per mesh.
+    """Near-symmetries of a model: continuous axes first, then by distance. Takes about a second, once per mesh.
 
     Args:
         model: only its mesh and its diameter are used.
@@ -329,7 +329,7 @@ def _centre(T: Float) -> Float:
 
 
 def _rounded(T: Float) -> Float:
-    """The pose with a few digits."""
+    """The pose rounded to a few digits."""
     vector = np.round(rotation_vector(T[:3, :3]), DIGITS)
     return transform(axis_angle(vector, float(np.linalg.norm(vector))), np.round(T[:3, 3], DIGITS))
 

@@ -1,4 +1,4 @@
-"""All BOP errors of the estimates of one object in one image against its instances; every pose is drawn once."""
+"""Computes all BOP errors of one object's estimates in an image against its instances; every pose is drawn once."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class PairErrors:
     """E estimates against G instances."""
 
     vsd: Float
-    """(10, E, G) in [0, 1] for each tolerance τ; 1 where it was not asked for."""
+    """(10, E, G) VSD in [0, 1] for each tolerance τ; 1 where it was not asked for."""
     mssd_mm: Float
-    """(E, G) [mm]; infinite where the origins are a diameter apart."""
+    """(E, G) MSSD [mm]; infinite where the origins are a diameter apart."""
     mspd_px: Float
-    """(E, G) [px of an image 640 wide]."""
+    """(E, G) MSPD [px of an image 640 wide]."""
     diameter_mm: float
 
     @property
@@ -39,7 +39,7 @@ class PairErrors:
 
 
 class DrawnTruth:
-    """The ground truth of one image, each drawn when it is first needed: several methods share them."""
+    """Ground-truth poses of one image, drawn when first needed and shared by several methods."""
 
     def __init__(self, image: GtImage) -> None:
         self.image = image
@@ -60,7 +60,7 @@ class DrawnTruth:
 def pair_errors(
     drawn: DrawnTruth, model: EvalModel, estimates: Sequence[Pose], instances: Sequence[GtInstance], delta_mm: float
 ) -> PairErrors:
-    """Errors of all pairs, as the official scripts compute them: with their quick tests whether a pair can be near.
+    """Errors of all pairs, as the official scripts compute them, with their quick tests for pairs that cannot be near.
 
     Args:
         drawn: of the image; VSD is left out where it has no depth.

@@ -1,7 +1,7 @@
-"""How a pose changes from frame to frame of a sequence: how far, and where it flips or jumps.
+"""Measures how a pose changes from frame to frame of a sequence, and where it flips or jumps.
 
-Relative to the data set's world where the camera's pose is known, so that what the camera does is no motion of the
-object; relative to the support plane where one was detected, which leaves height and tilt; else to the camera.
+Motions are relative to the data set's world where the camera's pose is known, so that motion of the camera does not
+count; else to the support plane where one was detected, by which only height and tilt are known; else to the camera.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class PosedFrame:
 
 @dataclass(frozen=True)
 class Motion:
-    """What happened to the pose on the way to a frame, since the last one with a pose."""
+    """Change of a pose up to a frame, since the last frame with a pose."""
 
     frame: str
     kind: Kind
@@ -51,7 +51,7 @@ class Motion:
     reference: Reference = "camera"
     """What ``moved_mm`` and ``turned_deg`` are relative to."""
     moved_mm: float = 0.0
-    """Way of the object's middle."""
+    """Motion of the object's middle."""
     turned_deg: float = 0.0
     lifted_mm: float | None = None
     """Way of the object's middle, away from the support plane; None where the plane of one of the frames is unknown."""
@@ -157,7 +157,7 @@ def _degrees(T_a: Float, T_b: Float) -> Float:
 
 @dataclass(frozen=True)
 class MotionMark:
-    """What stands out in a sequence."""
+    """An event that stands out in a sequence."""
 
     place: int
     """Place of the frame, from 0."""
@@ -183,7 +183,7 @@ def marks(kinds: Sequence[Kind]) -> tuple[MotionMark, ...]:
 
 @dataclass(frozen=True)
 class MotionCounts:
-    """What the changes of a pose over a sequence come to."""
+    """Summary of the changes of a pose over a sequence."""
 
     n_frames: int
     flips: int
@@ -200,7 +200,7 @@ class MotionCounts:
 
     @property
     def flips_per_100(self) -> float:
-        """Flips in 100 frames."""
+        """Flips per 100 frames."""
         return 100 * self.flips / max(self.n_frames, 1)
 
     @property

@@ -37,7 +37,7 @@ class PoseTable:
     time_s: Float
     """(N,) seconds for the whole image; negative = unknown."""
     notes: tuple[str, ...] = ()
-    """About lines of its file that are left out."""
+    """Notes on lines of its file that are left out."""
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -102,7 +102,7 @@ def pose_table(name: str, rows: Sequence[ResultRow]) -> PoseTable:
 
 @dataclass(frozen=True)
 class Coverage:
-    """What of the targets a results file names at all, whatever its poses are worth."""
+    """Targets that a results file names at all, however wrong its poses."""
 
     images: int
     """Images of the targets with at least one estimate (localization: of an object that is asked for there)."""
@@ -127,7 +127,7 @@ class Coverage:
 
 @dataclass(frozen=True)
 class Covered:
-    """What the run that wrote a results file was about, by its folder."""
+    """Images and objects of the run that wrote a results file, according to its folder."""
 
     images: frozenset[Image]
     objects: frozenset[int] | None = None
@@ -191,7 +191,7 @@ def own_part(table: PoseTable, targets: Targets, covered: Covered | None) -> Own
 
 
 def missing_reason(table: PoseTable, targets: Targets) -> str:
-    """How a table misses everything that is asked for: in its scenes, its images, or its objects."""
+    """Words for a table that has nothing that is asked for: by its scenes, its images, or its objects."""
     mine, asked = ({scene_id for scene_id, _ in images} for images in (table.by_image, targets.counts))
     if not mine & asked:
         return f"it names {_listed('scene', mine)}, the targets {_listed('scene', asked)}"

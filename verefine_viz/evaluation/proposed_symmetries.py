@@ -1,8 +1,8 @@
-"""Symmetries that a model's mesh has, as proposals for ``models_info.json``, which a person confirms.
+"""Proposes symmetries of a model's mesh for ``models_info.json``, for a person to confirm.
 
-A near-symmetry (docs/methods.md 1.11) is proposed where it leaves nearly all of the surface where it was but for what a
-depth sensor is off by (9.4). Each says how much changes, in shape and in colour; colours that differ may tell what
-depth cannot, so that the person decides what counts.
+A near-symmetry (docs/methods.md 1.11) is proposed if it moves nearly all of the surface by no more than the error of a
+depth sensor (9.4). Each proposal says how much shape and colour change; colours may show what depth cannot, so a person
+decides what counts.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.evaluation.near_symmetry import NearSymmetry, OrientedPoints, near_symmetries, sampled
 
 NOISE_M = 0.0015
-"""A surface that moves by less stays where it was, as far as depth shows: real depth is that far from true models."""
+"""Motion of a surface that depth cannot show: real depth is that far from true models."""
 NEARLY_ALL = 0.98
-"""Share of the surface that counts: scanned meshes have single vertices anywhere."""
+"""Share of the surface that counts, as scanned meshes have stray vertices."""
 N_POINTS = 2000
 TIDY_DEG, TIDY_M = 1.0, 1e-4
-"""An axis of the frame is taken for one that is within this angle, and centres are rounded to this step."""
+"""Angle within which an axis is replaced by an axis of the frame, and step to which centres are rounded."""
 STEPS_DEG = range(10, 181, 10)
-"""Turns that stand for all about a continuous axis."""
+"""Turns that represent all turns about a continuous axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +43,13 @@ class ProposedSymmetry:
     angle_deg: float | None
     """Angle of the turn; None = any."""
     changes_mm: float
-    """Nearly all of the surface is at most so far from where the surface was [mm]."""
+    """Largest distance of nearly all of the turned surface from the surface [mm]."""
     colors_differ: float | None
-    """Mean difference of the colours after the turn, of all turns the largest, in [0, 1]; None without colours."""
+    """Mean difference of the colours after the turn, in [0, 1], the largest of all turns; None without colours."""
 
     @property
     def looks_alike(self) -> bool:
-        """Whether colours do not tell the turn, as far as there are any."""
+        """Whether colours do not show the turn, or there are none."""
         return self.colors_differ is None or self.colors_differ < TEXTURE
 
     def turned(self, angle_deg: float) -> Float:
@@ -59,11 +59,11 @@ class ProposedSymmetry:
 
     @property
     def turns(self) -> Float:
-        """(n, 4, 4) the turn, or those that stand for all [m]."""
+        """(n, 4, 4) the turn, or turns that represent all [m]."""
         return np.array([self.turned(deg) for deg in (STEPS_DEG if self.angle_deg is None else (self.angle_deg,))])
 
     def describe(self) -> str:
-        """What stays and what changes: "every turn about z: its shape changes by at most 0.4 mm"."""
+        """Describe how much changes: "every turn about z: its shape changes by at most 0.4 mm"."""
         which = "every turn" if self.angle_deg is None else f"a turn of {self.angle_deg:.0f}°"
         k = int(np.argmax(np.abs(self.axis)))
         about = "xyz"[k] if abs(self.axis[k]) == 1 else "({:.2f}, {:.2f}, {:.2f})".format(*self.axis.tolist())
@@ -72,7 +72,7 @@ class ProposedSymmetry:
 
 
 def proposed_symmetries(model: ObjectModel, progress: ProgressToken = NEVER_CANCELLED) -> tuple[ProposedSymmetry, ...]:
-    """Symmetries to propose, continuous ones first. A second's work, as the near-symmetries are.
+    """Symmetries to propose, continuous ones first. Takes about a second, as the near-symmetries do.
 
     Raises:
         Cancelled: through ``progress``.
@@ -86,7 +86,7 @@ def proposed_symmetries(model: ObjectModel, progress: ProgressToken = NEVER_CANC
 
 
 def symmetry_entry(confirmed: Sequence[ProposedSymmetry]) -> dict[str, Any]:
-    """The symmetries of an object as its entry of ``models_info.json`` has them, in millimetres."""
+    """Symmetries of an object in the form of its entry of ``models_info.json``, in millimetres."""
     entry: dict[str, Any] = {}
     axes = [one for one in confirmed if one.angle_deg is None]
     if axes:
@@ -112,9 +112,7 @@ def colors_differ(model: ObjectModel, S: Float) -> float | None:
 
 
 def _measured(model: ObjectModel, surface: OrientedPoints, near: NearSymmetry) -> ProposedSymmetry:
-    """The near-symmetry about a tidy axis and by a tidy angle, where that changes no more than depth shows; else as it
-    was searched for.
-    """
+    """The near-symmetry with its axis and centre rounded where that changes no more than depth shows, else as found."""
     angle_deg = None
     if not near.is_continuous:
         step_deg = 360.0 / (near.order or 1)
@@ -122,7 +120,7 @@ def _measured(model: ObjectModel, surface: OrientedPoints, near: NearSymmetry) -
     axis, k = near.axis, int(np.argmax(np.abs(near.axis)))
     if abs(axis[k]) > math.cos(math.radians(TIDY_DEG)):
         axis = np.eye(3)[k] * (1.0 if near.is_continuous or angle_deg == 180 else np.sign(axis[k]))
-    centre_m = np.round(near.centre_m / TIDY_M) * TIDY_M + 0.0  # No -0.
+    centre_m = np.round(near.centre_m / TIDY_M) * TIDY_M + 0.0  # Avoids -0.
     tidy = _with_changes(model, surface, ProposedSymmetry(axis, centre_m, angle_deg, 0.0, None))
     if tidy.changes_mm * 1e-3 <= NOISE_M:
         return tidy

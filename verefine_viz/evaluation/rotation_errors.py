@@ -1,4 +1,4 @@
-"""Rotation errors of an estimated pose: by how much it is turned against ground truth, and which way."""
+"""Rotation errors of an estimated pose: how far it is turned from ground truth, and which way."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Target
 
 ROLLS = 0.05
-"""Heights that change by less of an object's size do not change."""
+"""Change of height, as a share of an object's size, that does not count."""
 LEAST_TILT = 1e-6
-"""Sine of a tilt below which there is none."""
+"""Sine of the least tilt that counts."""
 
 
 def rotation_error_deg(model: ObjectModel, T_est: Float, T_gt: Float) -> float:

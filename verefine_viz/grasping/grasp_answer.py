@@ -25,23 +25,23 @@ from verefine_viz.physics.colliders import Collider, collider
 
 @dataclass(frozen=True, eq=False)
 class GraspAttempt:
-    """What became of one pose."""
+    """Result of grasping by one pose."""
 
     instance_id: int
     T_cam_obj: Float
-    """(4, 4) the pose that the gripper trusts [m]."""
+    """(4, 4) the pose that the gripper relies on [m]."""
     verdict: Verdict
     grasps: Grasps
     is_free: NDArray[np.bool_]
-    """(N,) of the grasps at the estimated pose."""
+    """(N,) which grasps are free at the estimated pose."""
     chosen: int | None
     """Index of the grasp that was carried out; None: none is free."""
     path: GraspPath | None
-    """None where nothing was carried out."""
+    """Path of the grasp; None where none was carried out."""
 
     @property
     def kinds(self) -> dict[str, NDArray[np.intp]]:
-        """Indices of the grasps that are blocked, free and not chosen, and chosen."""
+        """Indices of the grasps that are blocked, free but not chosen, and chosen."""
         chosen = np.arange(len(self.is_free)) == self.chosen
         return {
             "blocked": np.flatnonzero(~self.is_free),
@@ -64,8 +64,8 @@ class GraspScene:
     Args:
         problem: the frame.
         settings: gripper, grasps, masses.
-        collider_of: makes a model's collider; by default its convex decomposition, from the cache. What a method's own
-            physics takes for the object does not change how it is grasped.
+        collider_of: makes a model's collider; by default its convex decomposition, from the cache. It does
+            not depend on the collider of the method's own physics.
 
     Raises:
         InputError: the frame has no support plane, or an object no ground truth.
@@ -91,7 +91,7 @@ class GraspScene:
         self.bodies: tuple[Body, ...] = tuple(bodies)
 
     def grasps(self, instance_id: int, progress: ProgressToken = NEVER_CANCELLED) -> Grasps:
-        """Grasps of an object.
+        """The grasps of an object.
 
         Raises:
             InputError: its file cannot be used.
@@ -113,7 +113,7 @@ class GraspScene:
     def attempt(self, instance_id: int, T_cam_obj: Float, progress: ProgressToken = NEVER_CANCELLED) -> GraspAttempt:
         """Chooses a grasp for the estimated pose (4, 4) [m] and carries it out.
 
-        Of the free grasps the one is chosen whose pads are nearest to the object's centre of mass.
+        The free grasp whose pads are nearest to the object's centre of mass is chosen.
 
         Raises:
             InputError: the file of the object's grasps cannot be used.
@@ -146,10 +146,10 @@ class GraspScene:
 
 @dataclass(frozen=True, eq=False)
 class AnswerGrasps:
-    """What became of a frame's answers."""
+    """Results of grasping by a frame's answers."""
 
     pairs: Mapping[int, GraspPair] = field(default_factory=dict)
-    """By instance_id; of objects with an answer."""
+    """Results by instance_id, of objects with an answer."""
     notes: tuple[str, ...] = ()
     """Why objects are missing: no ground truth, no plane, no usable file of grasps."""
 

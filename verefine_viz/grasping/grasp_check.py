@@ -1,7 +1,7 @@
-"""Which grasps of an estimated pose are free: the open gripper's straight approach against what the sensor saw.
+"""Checks which grasps of an estimated pose are free: the open gripper's straight approach against the observed depth.
 
-As with the octomap of Sec. V-D: voxels of the observed depth, the target's own included, so that a pose that is off
-puts a finger where the object is. What was not seen counts as free.
+As with the octomap of Sec. V-D: voxels of the observed depth, the target's own included, so that a wrong
+pose puts a finger where the object is. Unseen space counts as free.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from verefine_viz.grasping.gripper import APPROACH_M, is_blocked, lowest
 VOXEL_M = 0.005
 """Side of the voxels of the observed depth [m]."""
 FEWEST = 2
-"""Measured points that make a voxel occupied: a flying pixel alone makes none."""
+"""Least number of measured points in an occupied voxel: a flying pixel alone does not count."""
 REACH_M = 0.35
-"""Voxels further from an object than this do not concern its grasps [m]."""
+"""Distance from an object beyond which voxels do not matter for its grasps [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """What an approach must not meet, in the world of the frame's support plane."""
+    """Obstacles to an approach, in the world of the frame's support plane."""
 
     support: Support
     voxels: Float
-    """(N, 3) middles of the occupied voxels that lie higher than one voxel over the plane [m]."""
+    """(N, 3) centres of the occupied voxels that lie more than one voxel above the plane [m]."""
 
 
 def obstacles(observation: Observation) -> Obstacles:
-    """Obstacles of a frame.
+    """The obstacles of a frame.
 
     Raises:
         InputError: it has no support plane.

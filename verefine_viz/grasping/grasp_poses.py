@@ -1,4 +1,4 @@
-"""Where an object can be gripped: annotated grasps from files, or antipodal ones sampled on its mesh.
+"""Finds where an object can be gripped: annotated grasps from files, or antipodal ones sampled on its mesh.
 
 A grasp is T_obj_gripper (4, 4) [m], in the gripper's frame of ``gripper.py``.
 """
@@ -29,19 +29,19 @@ from verefine_viz.grasping.gripper import APPROACH_M, FINGER_M, PALM_FRONT_M, PI
 FORMAT = 1
 """Part of the cache's file names; raise it when grasps are sampled in another way."""
 TRIED = 4000
-"""Points of the surface at which an antipodal pair is looked for."""
+"""Points of the surface at which antipodal pairs are searched."""
 PAIRS = 400
-"""Antipodal pairs that are taken at most."""
+"""Most antipodal pairs that are used."""
 TURNS = 12
 """Approach directions about the line between the fingers."""
 CONE_DEG = 14.0
 """Largest angle between the surfaces' normals and the line between the fingers [deg]: friction 0.25."""
 SPARE_M = 0.010
-"""The open fingers are further apart than the object is wide by at least this [m]."""
+"""Least clearance between the open fingers and the object [m]."""
 MOST = 10_000
-"""Annotated grasps of an object."""
+"""Most annotated grasps of an object."""
 AGREES = 0.5
-"""Share of annotated grasps that must have the object between the fingers; else they are another object's."""
+"""Least share of annotated grasps with the object between the fingers; else they belong to another object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Grasps:
     """(N, 4, 4) [m]."""
     source: Literal["annotated", "sampled"]
     notes: tuple[str, ...] = ()
-    """About annotated ones that are left out, and about rounded rotations."""
+    """Notes on annotated grasps that are left out, and on rounded rotations."""
 
 
 def grasps_of(model: ObjectModel, settings: GraspSettings, progress: ProgressToken = NEVER_CANCELLED) -> Grasps:
@@ -114,7 +114,7 @@ def annotated_file(folder: Path, model: ObjectModel) -> Path | None:
 
 
 def read_annotated(file: Path, model: ObjectModel, settings: GraspSettings) -> Grasps:
-    """The annotated grasps of a file; what is no transform is left out.
+    """The annotated grasps of a file, without entries that are no transform.
 
     Raises:
         InputError: the file is no array of transforms in metres, or its grasps have none of ``model`` between the
@@ -159,7 +159,7 @@ def _between(poses: Float, points: Float, opening_m: float) -> NDArray[np.bool_]
 
 
 def sampled(model: ObjectModel, settings: GraspSettings) -> Float:
-    """At most ``settings.samples`` antipodal grasps (N, 4, 4) [m], spread over the object; the same for a seed.
+    """At most ``settings.samples`` antipodal grasps (N, 4, 4) [m], spread over the object; a seed fixes them.
 
     A ray goes from a point of the surface straight into the object. Where it comes out, the surface must face the
     other way within ``CONE_DEG``. The gripper comes from ``TURNS`` directions about that line; those from which the
@@ -188,7 +188,7 @@ def sampled(model: ObjectModel, settings: GraspSettings) -> Float:
 
 
 def _around(middle: Float, along: Float, turn_rad: float) -> Float:
-    """The gripper whose fingers close along a direction, with the middle between its pads."""
+    """Pose of the gripper whose fingers close along a direction, with a point in the middle between its pads."""
     across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
     across /= np.linalg.norm(across)
     z = axis_angle(along, turn_rad) @ across

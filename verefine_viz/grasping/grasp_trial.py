@@ -1,7 +1,7 @@
-"""One grasp, carried out in Bullet: approach, close, lift, shake, hold. Same arguments, same bits.
+"""Carries out one grasp in Bullet: approach, close, lift, shake, hold. Same arguments, same bits.
 
-Every trial has a world of its own. The objects are where they are, and move; the gripper goes where the estimate has
-it. Source: Sec. V-D, in simulation.
+Every trial has a world of its own. Objects start at their true poses and can move; the gripper goes to the estimated
+pose. Source: Sec. V-D, in simulation.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ STEP_S = 1 / 240
 SOLVER_ITERATIONS = 60
 MARGIN_M = 1e-4
 OBJECT_FRICTION = 0.5
-"""Coefficient of the objects, between each other and (times the plane's) on the plane."""
+"""Friction coefficient of objects, among each other and, times the plane's, on the plane."""
 SETTLE_S, CLOSE_S, HOLD_S = 0.25, 0.9, 0.5
-"""How long the objects come to rest, the fingers close, and the object is held at the end [s]."""
+"""Time for the objects to come to rest, for the fingers to close, and for holding at the end [s]."""
 APPROACH_M_S, LIFT_M_S = 0.15, 0.25
 LIFT_M = 0.15
-"""How far the object is lifted [m]."""
+"""Height by which the object is lifted [m]."""
 STOP_N = 10.0
-"""An approaching gripper that is pushed harder than this has collided [N]."""
+"""Force on an approaching gripper from which it has collided [N]."""
 SHAKES, SHAKE_M, SHAKE_S = 2, 0.015, 0.5
-"""How often, how far to both sides and how long each [m, s]."""
+"""Number of shakes, their amplitude [m] and their duration [s]."""
 FINGER_M_S = 0.12
 ARM_N = 400.0
 """Largest force along each axis of the arm [N]."""
 STABLE_M = 0.01
-"""An object that still moves further than this in the gripper while it is held is slipping [m]."""
+"""Motion in the gripper, while held, from which an object is slipping [m]."""
 LIFTED = 0.5
-"""Share of the lift that the object must have risen by; one that hangs down from the pads rises less than the hand."""
+"""Least rise of the object, as a share of the lift: one that hangs from the pads rises less than the hand."""
 PAD_M = 0.0066
 """Radius at which friction resists a turn about the line between the pads: 2/3 of half a pad's width [m]."""
 SHOWN_EVERY = 8
-"""Every n-th step is in the path, 30 a second."""
+"""Steps between two moments of the path, which has 30 per second."""
 _X, _Y, _Z, _LEFT, _RIGHT = range(5)
-"""The joints."""
+"""Indices of the joints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +56,15 @@ class Body:
     instance_id: int
     collider: Collider
     T_world_obj: Float
-    """(4, 4) where it is [m]."""
+    """(4, 4) its true pose [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class GraspContact:
-    """Where the gripper touches something."""
+    """A contact of the gripper."""
 
     instance_id: int | None
-    """The object; None: the support plane."""
+    """The object; None = the support plane."""
     point_world: Float
     """(3,) [m]."""
     force_n: float
@@ -72,21 +72,21 @@ class GraspContact:
 
 @dataclass(frozen=True, eq=False)
 class GraspPath:
-    """What happened, 30 times a second."""
+    """Course of a grasp, 30 times per second."""
 
     verdict: Verdict
     stages: tuple[str, ...]
-    """(N) settle, approach, close, lift, shake, hold."""
+    """Stage of each of N moments: settle, approach, close, lift, shake or hold."""
     Ts_world_gripper: Float
     """(N, 4, 4) [m]."""
     gaps_m: Float
-    """(N,) distance of the fingers."""
+    """(N,) distance between the fingers."""
     Ts_world_obj: Mapping[int, Float]
     """(N, 4, 4) of each object, by instance_id [m]."""
     forces_n: Float
     """(N, 2) of the fingers on the target [N]."""
     contacts: tuple[tuple[GraspContact, ...], ...]
-    """(N) what the gripper presses on."""
+    """Contacts of the gripper at each of N moments."""
 
     @property
     def n_moments(self) -> int:
@@ -97,7 +97,7 @@ class GraspWorld:
     """Bullet with the objects of a scene on a plane, and the gripper; for one trial."""
 
     def __init__(self, bodies: Sequence[Body], target: int, plane_normal: Float, settings: GraspSettings) -> None:
-        """``target`` is the instance_id of what is to be grasped."""
+        """Build the world; ``target`` is the instance_id of the object to grasp."""
         self._settings, self._bodies = settings, {body.instance_id: body for body in bodies}
         self._bullet = bullet = QuietClient()
         bullet.setPhysicsEngineParameter(
@@ -130,7 +130,7 @@ class GraspWorld:
         return made
 
     def run(self, T_world_grasp: Float, progress: ProgressToken = NEVER_CANCELLED) -> GraspPath:
-        """Carries the grasp out; ``T_world_grasp`` (4, 4) is the gripper's pose when it closes [m].
+        """Carry out the grasp; ``T_world_grasp`` (4, 4) is the gripper's pose when it closes [m].
 
         Raises:
             Cancelled: through ``progress``.
@@ -163,7 +163,7 @@ class GraspWorld:
         self._drive(up, up, HOLD_S, "hold", grips=True)
         is_stable = float(np.linalg.norm(self._com_in_palm() - held)) <= STABLE_M
         is_up = self._height() - low_m >= LIFTED * LIFT_M
-        # A pad on a round body may be off it for a step: contact counts over the whole time.
+        # A pad may leave a round body for a step: contact is counted over the whole time.
         pressed_n = np.mean([frame[4] for frame in self._frames if frame[0] == "hold"], axis=0)
         return "success" if is_stable and is_up and min(pressed_n) > 0.0 else "slipped"
 
@@ -207,7 +207,7 @@ class GraspWorld:
         for link in (_LEFT, _RIGHT):
             bullet.changeDynamics(hand, link, spinningFriction=PAD_M)
             bullet.changeDynamics(hand, link, jointLowerLimit=0, jointUpperLimit=s.opening_m / 2)
-        # One motor closes both fingers: apart, both would drift to one side with the object between them.
+        # One motor closes both fingers: with one each, both would drift to one side with the object between them.
         gear = bullet.createConstraint(
             hand, _LEFT, hand, _RIGHT, pybullet.JOINT_GEAR, (0, 1, 0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         )
@@ -217,13 +217,13 @@ class GraspWorld:
     def _drive(
         self, start: Float, end: Float, seconds: float, stage: str, grips: bool, swing: Float | None = None
     ) -> Verdict | None:
-        """Moves the arm, in the frame of the grasp; what it collides with on an approach."""
+        """Move the arm, in the frame of the grasp; return what it collides with on an approach."""
         bullet, s = self._bullet, self._settings
         n = max(1, round(seconds / STEP_S))
         base = np.array([0.0, 0.0, -APPROACH_M])
         for k in range(1, n + 1):
             share = k / n
-            # Starts and ends at rest.
+            # The motion starts and ends at rest.
             smooth = share * share * (3 - 2 * share)
             at = start + smooth * (end - start)
             if swing is not None:
@@ -273,7 +273,7 @@ class GraspWorld:
         return left, right
 
     def _com_in_palm(self) -> Float:
-        """Where the target's centre of mass is in the palm's frame (3,) [m]."""
+        """The target's centre of mass in the palm's frame (3,) [m]."""
         position, quat = self._bullet.getLinkState(self._hand, _Z)[:2]
         R = np.array(pybullet.getMatrixFromQuaternion(quat)).reshape(3, 3)
         return R.T @ (np.array(self._bullet.getBasePositionAndOrientation(self._target)[0]) - np.array(position))
@@ -282,7 +282,7 @@ class GraspWorld:
         return self._bullet.getBasePositionAndOrientation(self._target)[0][2]
 
     def _note(self, stage: str) -> None:
-        """Adds a moment to the path: only reads, so that a path changes nothing."""
+        """Add a moment to the path; the world is only read, so that recording changes nothing."""
         self._progress.checkpoint(f"Grasping: {stage}")
         bullet = self._bullet
         left, right = (bullet.getJointState(self._hand, link)[0] for link in (_LEFT, _RIGHT))

@@ -13,4 +13,4 @@ Verdict = Literal[
     "collided with the ground",
     "no collision-free grasp",
 ]
-"""How a grasp ends; the last one is never carried out."""
+"""Outcome of a grasp; with the last one no grasp is carried out."""

@@ -1,4 +1,4 @@
-"""A parallel gripper of three boxes: what it is made of, and the space that it takes on a straight approach.
+"""A parallel gripper of three boxes: its shape, and the space that it sweeps on a straight approach.
 
 Its frame is that of the annotated grasps, the palm link of the Toyota HSR: z points to the object, the fingers close
 along y. The grippers that come with pybullet do not open far enough for the annotated grasps (WSG 50: 102 mm, Panda:
@@ -18,14 +18,14 @@ from verefine_viz.core.geometry import apply
 PALM_M = (0.050, 0.175, 0.080)
 """Width, length along the closing direction, and depth of the palm [m]."""
 PALM_FRONT_M = 0.005
-"""Where the palm ends towards the object, along z [m]."""
+"""End of the palm towards the object, along z [m]."""
 TIP_M = 0.078
-"""Where the fingers end along z [m]: 2 mm above the table in the flattest annotated grasps of the gelatin box. Those of
-the banana from above would need fingers about 10 mm shorter, which hardly reach the gelatin box."""
+"""End of the fingers along z [m]: 2 mm above the table in the flattest annotated grasps of the gelatin box. Grasps of
+the banana from above would need fingers about 10 mm shorter, which would hardly reach the gelatin box."""
 FINGER_M = (0.020, 0.012)
 """Width and thickness of a finger [m]."""
 PINCH_M = TIP_M - 0.015
-"""Where along z the middle of a finger pad is [m]."""
+"""Middle of a finger pad along z [m]."""
 APPROACH_M = 0.10
 """Length of the straight approach along the grasp [m]."""
 
@@ -39,7 +39,7 @@ class Box:
 
     @property
     def corners(self) -> Float:
-        """(8, 3)."""
+        """(8, 3) corners [m]."""
         return np.array(np.meshgrid(*zip(self.low, self.high, strict=True), indexing="ij")).reshape(3, -1).T
 
     @property
@@ -49,17 +49,17 @@ class Box:
         return np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int32)
 
     def swept(self, back_m: float) -> Box:
-        """The space it takes as it comes from ``back_m`` behind along z."""
+        """The space that the box sweeps as it comes along z from ``back_m`` behind."""
         x, y, z = self.low
         return Box((x, y, z - back_m), self.high)
 
     def holds(self, points: Float) -> NDArray[np.bool_]:
-        """Which points (N, 3) are in it."""
+        """Which points (N, 3) are in the box."""
         return np.logical_and.reduce((points >= self.low) & (points <= self.high), axis=1)
 
 
 def palm() -> Box:
-    """The part that the fingers slide on."""
+    """The palm, on which the fingers slide."""
     x, y, z = PALM_M
     return Box((-x / 2, -y / 2, PALM_FRONT_M - z), (x / 2, y / 2, PALM_FRONT_M))
 
@@ -72,7 +72,7 @@ def finger(gap_m: float, side: int) -> Box:
 
 
 def boxes(gap_m: float) -> tuple[Box, Box, Box]:
-    """Palm and fingers."""
+    """The boxes of palm and fingers."""
     return palm(), finger(gap_m, -1), finger(gap_m, 1)
 
 

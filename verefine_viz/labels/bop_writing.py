@@ -1,4 +1,4 @@
-"""Labels as ground truth in BOP layout: in the data set that their frames are of, or as a new one.
+"""Writes labels as ground truth in BOP layout: into the data set of their frames, or as a new one.
 
 In the data set: ``scene_gt.json``, ``scene_gt_info.json``, ``mask/`` and ``mask_visib/`` of each scene that has
 labelled frames, and ``models_info.json`` where there is none. A new one holds the labelled frames under the names that
@@ -52,21 +52,21 @@ NO_SYMMETRIES: Symmetries = {}
 
 @dataclass
 class TruthWritten:
-    """What was written."""
+    """Summary of the ground truth that was written."""
 
     folder: Path
-    """The data set."""
+    """Folder of the data set."""
     n_frames: int = 0
     n_objects: int = 0
     notes: tuple[str, ...] = ()
-    """What was left out, or left alone, each in a sentence."""
+    """What was left out, or not replaced, a sentence each."""
 
 
 def labels_to_write(
     labels: Mapping[str, Sequence[Label]], with_uncertain: bool = False
 ) -> dict[FrameIds, tuple[Label, ...]]:
     """The labels of each frame (scene, image) that count as ground truth: accepted ones, and uncertain ones where asked
-    for. A frame in which none of several counts is left out; one that was looked at and holds nothing is not.
+    for. A frame whose labels do not count is left out; a frame that was labelled as holding nothing is kept.
     """
     states = ("accepted", "uncertain") if with_uncertain else ("accepted",)
     counted: dict[FrameIds, tuple[Label, ...]] = {}
@@ -84,14 +84,14 @@ def write_into_dataset(
     overwrite: bool = False,
     progress: ProgressToken = NEVER_CANCELLED,
 ) -> TruthWritten:
-    """Write labels into the data set in BOP layout that their frames are of.
+    """Write labels into the data set in BOP layout that their frames belong to.
 
     Args:
         source: the frames.
         labels: what is written (:func:`labels_to_write`).
-        symmetries: confirmed ones, for ``models_info.json``; one that is there is left alone without ``overwrite``, and
-            keeps all that it states with it.
-        overwrite: whether what is there is moved to ``replaced-N`` beside it; without, it is an error.
+        symmetries: confirmed ones, for ``models_info.json``; an existing file is not touched without ``overwrite``, and
+            with it keeps all that it states.
+        overwrite: whether existing files are moved to ``replaced-N`` beside them; if not, they are an error.
         progress: asked before each frame.
 
     Raises:
@@ -177,8 +177,8 @@ class _SceneTruth:
     """The ground truth of a scene: masks are written frame by frame, the rest at the end.
 
     Args:
-        files: of the scene.
-        part_of: where what belongs at a place is written.
+        files: the files of the scene.
+        part_of: gives the path to write to for a place.
     """
 
     def __init__(self, files: SceneFiles, part_of: Callable[[Path], Path] = Path) -> None:
@@ -220,7 +220,7 @@ def _add_frames(
     progress: ProgressToken,
     also: Callable[[SceneFiles, FrameIds, Observation], None] = lambda files, ids, observation: None,
 ) -> list[str]:
-    """Add all frames to their scenes; gives notes about labels and frames that are left out."""
+    """Add all frames to their scenes; return notes about labels and frames that are left out."""
     no_frames: list[str] = []
     no_models: list[str] = []
     for ids, of in labels.items():
@@ -256,7 +256,7 @@ def _finished(folder: Path, truths: Mapping[int, _SceneTruth], notes: Sequence[s
 
 
 def _own_models(dataset: BopDataset, source: UnlabelledFrames) -> Path:
-    """The folder of the data set's own models, which those of the labels are; InputError where they are others."""
+    """The folder of the data set's own models; InputError where the labels have other models."""
     folder = folder_of(source.models)
     if folder is None or folder.resolve() not in map(Path.resolve, dataset.folder.glob("models*")):
         raise InputError(
@@ -273,10 +273,10 @@ class _Images:
         self._dataset = dataset
         self.cameras: dict[SceneFiles, dict[str, Any]] = {}
         self._taken_over: dict[int, dict[int | None, Any]] = {}
-        """By scene, what the file of the data set says of each image."""
+        """Entries of the data set's own file for each image, by scene."""
 
     def write(self, files: SceneFiles, ids: FrameIds, observation: Observation) -> None:
-        """Write those of a frame (scene, image)."""
+        """Write the images of a frame (scene, image)."""
         entry = _drawn(files, ids[1], observation) if self._dataset is None else self._copied(self._dataset, files, ids)
         self.cameras.setdefault(files, {})[str(ids[1])] = entry
 
@@ -295,7 +295,7 @@ class _Images:
 
 
 def _drawn(files: SceneFiles, im_id: int, observation: Observation) -> dict[str, Any]:
-    """Write the images of a frame of another layout; gives its entry of ``scene_camera.json``."""
+    """Write the images of a frame of another layout; return its entry of ``scene_camera.json``."""
     depth_m = np.where(observation.depth_m > FARTHEST_M, 0.0, observation.depth_m.astype(np.float64))
     steps, step_mm = depth_image(depth_m)
     for kind, image in (("depth", steps), ("rgb", observation.rgb)):

@@ -1,10 +1,10 @@
-"""The camera's motion between two frames of things that stand still: docs/methods.md 9.3.
+"""Estimates the camera's motion between two frames of a scene that stands still: docs/methods.md 9.3.
 
-Where the data set states camera poses, they give it, and the images check them. Elsewhere both depth images are
+Where the data set states camera poses, they give the motion, and the images check it. Elsewhere both depth images are
 registered: point to plane, with the pixel that a point falls on as its match (projective association), and the change
 of grey values beside it, as flat scenes slide along themselves (the joint cost of Park et al., "Colored Point Cloud
-Registration Revisited", ICCV 2017). Labelled objects count as much as all the rest, so that a bare table does not
-drown them. Directions that nothing holds are left where the start has them, and the motion is then unknown.
+Registration Revisited", ICCV 2017). Labelled objects have as much weight as everything else, so that a
+bare table does not dominate. In directions that nothing determines the start is kept, and the motion is then unknown.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ MOST_POINTS = 5000
 LEVELS = ((0.06, 6.0), (0.03, 3.0), (0.012, 1.5))
 """Largest distance of a match along its ray [m], and blur of the grey values [px]: from coarse to fine."""
 MOST_STEPS, REST_M = 15, 2e-5
-"""Steps at each level, and the step below which it is at rest [m]; turns count at the points' distance."""
+"""Most steps at each level, and the step below which it ends [m]; turns count by the motion of the points."""
 DEPTH_SIGMA_M, GREY_SIGMA = 0.003, 8.0
-"""What depth and grey values (of 255) differ by where the motion is right."""
+"""Expected differences of depth [m] and grey values (of 255) for the right motion."""
 HELD = 0.004
-"""A direction whose curvature is a lower share of the largest is not held: a bare plane's slides have up to 0.001."""
+"""Least curvature along a determined direction, as a share of the largest: slides of a bare plane have up to 0.001."""
 ALIKE = 0.5
-"""Cosine between the normals of a match, at least."""
+"""Least cosine between the normals of a match."""
 EXPLAINED_SHARE, EXPLAINED_M = 0.01, 0.005
-"""Depth is explained to this share of it, and at least to this."""
+"""Difference up to which depth is explained, as a share of it, and at least [m]."""
 FEWEST_POINTS, LEAST_SHOWN = 300, 0.3
-"""Measured points of the last frame, and share of them that the next one must show."""
+"""Least number of measured points of the last frame, and least share of them that the next one shows."""
 LEAST_EXPLAINED = 0.6
-"""Share of what both frames see below which a motion is not believed."""
+"""Least explained share of what both frames see for a motion to be accepted."""
 POSES_AGREE_M = 0.015
-"""How far the points may lie from where camera poses put them; calibrations and trackers are off by millimetres."""
+"""Distance that points may lie from where camera poses put them; calibrations and trackers are off by millimetres."""
 
 Indices = NDArray[np.int64]
 Source = Literal["camera poses", "registered"]
@@ -50,15 +50,15 @@ Source = Literal["camera poses", "registered"]
 
 @dataclass(frozen=True, eq=False)
 class CameraMotion:
-    """How the camera moved from one frame to the next."""
+    """Motion of the camera from one frame to the next."""
 
     T_next_last: Float
     """(4, 4) points in the last camera's frame to the next one's [m]."""
     source: Source
     explained: float
-    """Share of what both frames see whose depth it explains, in [0, 1]; labelled objects make up half of it."""
+    """Share, in [0, 1], of what both frames see that has the expected depth; labelled objects make up half of it."""
     words: str
-    """As shown to the user."""
+    """Description for the user."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ def camera_motion(
     Args:
         last: the frame with labels.
         following: the next frame.
-        labelled: the objects of the last frame, where they are.
-        before: (4, 4) the motion before this one, which may go on [m].
+        labelled: the objects of the last frame at their poses.
+        before: (4, 4) the motion before this one, as a start [m].
     """
     seen = _seen_in(last, labelled)
     if len(seen.points) < FEWEST_POINTS:
@@ -117,7 +117,7 @@ def _best(
     starts: Sequence[Float | None],
     R_next_last: Float | None,
 ) -> _Fit:
-    """The best of the registrations from all starts; a known rotation (3, 3) that does not fit is left aside."""
+    """The best of the registrations from all starts; a known rotation (3, 3) that does not fit is ignored."""
     fits = [_registered(seen, following, pictures, start, R_next_last) for start in starts if start is not None]
     best = max(fits, key=lambda fit: fit.agreement)
     if R_next_last is None or not best.fault:
@@ -133,7 +133,7 @@ def _stated(last: Observation, following: Observation) -> Float | None:
 
 
 def _known_turn(last: Observation, following: Observation) -> Float | None:
-    """The rotation (3, 3) where the data set states which way both cameras look, and gravity is taken from it."""
+    """The rotation (3, 3) where the data set states the orientation of both cameras, and gravity comes from it."""
     supports = last.support, following.support
     if any(support is None or support.gravity_source != "world" for support in supports):
         return None
@@ -143,7 +143,7 @@ def _known_turn(last: Observation, following: Observation) -> Float | None:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """Points of the last frame."""
+    """Points of the last frame, with their normals and weights."""
 
     points: Float
     """(N, 3) [m]."""
@@ -199,21 +199,21 @@ class _Picture:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """How well a motion fits; shares are by weight."""
+    """Quality of a motion; shares are by weight."""
 
     T: Float
     shown: float
     """Share of the points that the next frame shows."""
     explained: float
-    """Share of those whose depth is as it was measured."""
+    """Share of these whose depth agrees with the measured one."""
     agreement: float
-    """How well depth and grey values of all points agree, in [0, 1]: what motions are compared by."""
+    """Agreement of depth and grey values over all points, in [0, 1], by which motions are compared."""
     is_held: bool
-    """Whether something holds it in all directions."""
+    """Whether the images determine it in all directions."""
 
     @property
     def fault(self) -> str:
-        """Why it is not believed; empty where it is."""
+        """Why the motion is not accepted; empty where it is."""
         if self.shown < LEAST_SHOWN:
             return f"The frames share {self.shown:.0%} of what is seen."
         if self.explained < LEAST_EXPLAINED:
@@ -238,7 +238,7 @@ def _fit(seen: _Seen, following: Observation, picture: _Picture | None, T: Float
 def _registered(
     seen: _Seen, following: Observation, pictures: Sequence[_Picture | None], T: Float, R_next_last: Float | None
 ) -> _Fit:
-    """The motion that a start leads to, of shifts alone where the rotation is known."""
+    """The motion that registration reaches from a start; only shifts are fitted where the rotation is known."""
     middle = seen.points.mean(axis=0)
     reach_m = float(np.sqrt(((seen.points - middle) ** 2).sum(axis=1).mean()))
     if R_next_last is not None:
@@ -268,10 +268,10 @@ def _registered(
 def _equations(
     seen: _Seen, following: Observation, picture: _Picture | None, T: Float, gate_m: float, at: Float, reach_m: float
 ) -> tuple[Float, Float, Float]:
-    """Equations of a step, shifts and then turns about ``at`` times the reach: rows (M, 6) by what the last frame
-    measured, times their weights; rows (M, 6) by what the next one did; and what they should come to (M,).
+    """Equations of a step (shifts, then turns about ``at`` times the reach): weighted rows (M, 6) from the last frame,
+    rows (M, 6) from the next one, and residuals (M,).
 
-    The noise of both is independent, so that in the product of the two noise alone holds no direction.
+    The noise of both is independent, so that their product has no curvature from noise alone.
     """
     moved = apply(T, seen.points)
     index, v, u = _falls_on(following, moved)
@@ -293,7 +293,7 @@ def _equations(
         grey, along_u, along_v = picture.following[v, u].astype(np.float64).T
         x, y, z = moved.T
         camera = following.camera
-        # The pixel's middle is where grey values are read; what lies between it and the point is along its slope.
+        # Grey values are read at the pixel's middle and continued to the point along their slope.
         offset_u, offset_v = x / z * camera.fx + camera.cx - u, y / z * camera.fy + camera.cy - v
         greys = picture.last[seen.v[index], seen.u[index]] - (grey + along_u * offset_u + along_v * offset_v)
         slope_u, slope_v = along_u * camera.fx / z, along_v * camera.fy / z
@@ -306,7 +306,7 @@ def _equations(
 
 
 def _trust(rests: Float, scale: float) -> Float:
-    """Weights (N,) of Geman and McClure: what differs by much more than the scale belongs to something that moved."""
+    """Weights (N,) of Geman and McClure: residuals far above the scale belong to something that moved."""
     return 1 / (1 + (rests / scale) ** 2) ** 2
 
 
@@ -320,5 +320,5 @@ def _falls_on(following: Observation, moved: Float) -> tuple[Indices, Indices, I
 
 
 def _apart_m(seen: _Seen, T_a: Float, T_b: Float) -> float:
-    """How far the points lie apart under two motions, root mean square [m]."""
+    """Distance of the points under two motions, root mean square [m]."""
     return float(np.sqrt(((apply(T_a, seen.points) - apply(T_b, seen.points)) ** 2).sum(axis=1).mean()))

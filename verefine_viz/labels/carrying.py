@@ -36,7 +36,7 @@ AGREES_M, AGREES_DEG = 0.005, 3.0
 FOLLOWED_DEG = 20.0
 """A larger turn within one step is a flip until a person has seen it, also under a green light."""
 LIGHTS: tuple[Light, ...] = ("green", "amber", "red")
-"""From best to worst."""
+"""Traffic lights from best to worst."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +45,12 @@ class CarriedFrame:
 
     frame: str
     labels: tuple[Label, ...]
-    """In the order of the frame before."""
+    """Labels, in the order of the frame before."""
     unseen: tuple[Label, ...]
     """Labels of objects that this frame does not show, where the camera's motion puts them."""
     motion: CameraMotion | UnknownMotion
     notes: tuple[str, ...] = ()
-    """What became of single objects: hidden, outside of the image, moved."""
+    """Notes on single objects: hidden, outside of the image, moved."""
 
     @property
     def stops(self) -> bool:
@@ -168,11 +168,11 @@ class _Shown:
     share: float
     """Share of the front, in [0, 1]."""
     how: str = ""
-    """Why it is not to be labelled; empty where it is."""
+    """Why the object is not to be labelled; empty where it is."""
 
 
 def _shown(observation: Observation, one: Placed) -> _Shown:
-    """How much a frame may show of an object where it stands."""
+    """How much of an object a frame may show at its pose."""
     camera = observation.camera
     points = apply(one.T_cam_obj, one.model.points)
     front = (points * (one.model.point_normals @ one.T_cam_obj[:3, :3].T)).sum(axis=1) < 0
@@ -190,19 +190,19 @@ def _shown(observation: Observation, one: Placed) -> _Shown:
 
 @dataclass(frozen=True)
 class _Way:
-    """What an object moved by beside the camera."""
+    """Motion of an object that the camera's motion does not explain."""
 
     moved_m: float
     turned_deg: float
 
     @property
     def is_none(self) -> bool:
-        """Whether it is noise."""
+        """Whether the motion is noise."""
         return self.moved_m <= AGREES_M and self.turned_deg <= AGREES_DEG
 
 
 def _way(start: Placed, T_cam_obj: Float) -> _Way:
-    """The way of an object's middle and its turn, up to its symmetries."""
+    """Shift of an object's middle and its turn, up to its symmetries."""
     middles = [apply(T, start.model.middle_m[None])[0] for T in (start.T_cam_obj, T_cam_obj)]
     turns = (angle_between(T_cam_obj[:3, :3], (start.T_cam_obj @ S)[:3, :3]) for S in start.model.symmetries)
     return _Way(float(np.linalg.norm(middles[1] - middles[0])), float(np.degrees(min(turns))))
@@ -213,7 +213,7 @@ def _at(label: Label, T_cam_obj: Float) -> Label:
 
 
 def _decided(before: Label, now: Label, way: _Way) -> Label:
-    """The label with what is decided without a person: what needs no look is accepted, doubts of a person stay."""
+    """The label in the state that needs no person: accepted where no look is needed; a person's doubts stay."""
     if before.state == "uncertain" and now.light != "red":
         return structs.replace(now, state="uncertain", note=before.note)
     is_as_good = LIGHTS.index(now.light) <= LIGHTS.index(before.light) and way.is_none

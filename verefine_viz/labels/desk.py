@@ -1,4 +1,4 @@
-"""The labels of a folder while they are made: placed, searched for, snapped, decided about, undone, carried on.
+"""The labels of a folder while they are made: placed, searched for, snapped, judged, undone, carried on.
 
 Each step is written at once (:class:`~verefine_viz.labels.label_folder.LabelFolder`).
 """
@@ -41,17 +41,17 @@ Labels = tuple[Label, ...]
 
 @dataclass(eq=False)
 class _History:
-    """What the labels of a frame were; None = it was not looked at."""
+    """Labels that a frame had; None = it had not been labelled."""
 
     past: list[Labels | None] = field(default_factory=list)
     future: list[Labels | None] = field(default_factory=list)
 
 
 class LabelDesk:
-    """Labels of the frames that tools are open on; held until it is closed.
+    """Labels of the frames of a session, held until the desk is closed.
 
     Args:
-        tools: of a session whose ``scene.source`` is labels.
+        tools: the tools of a session whose ``scene.source`` is labels.
         progress: checked before anything that may take seconds.
 
     Raises:
@@ -75,11 +75,11 @@ class LabelDesk:
         """Let other programs label the folder."""
         self._store.close()
 
-    # What there is
+    # What exists
 
     @property
     def models(self) -> Models:
-        """What can be placed."""
+        """Models that can be placed."""
         return self._source.bare.models
 
     @property
@@ -90,7 +90,7 @@ class LabelDesk:
 
     @property
     def frames(self) -> Mapping[str, Labels]:
-        """The labels of all frames that were looked at."""
+        """The labels of all frames that were labelled."""
         return self._store.frames
 
     def labels(self, frame: str) -> Labels:
@@ -109,7 +109,7 @@ class LabelDesk:
         raise InputError(unknown("label", instance, [one.instance for one in self.labels(frame)]))
 
     def candidates(self, frame: str, instance: int) -> tuple[FoundPose, ...]:
-        """Poses that were searched for, the best first; none of a label that was placed."""
+        """Candidate poses of a label, the best first; none for a label that was placed by a click."""
         return self._candidates.get((frame, instance), ())
 
     def can_undo(self, frame: str) -> bool:
@@ -121,7 +121,7 @@ class LabelDesk:
         return bool(self._history(frame).future)
 
     def symmetries(self, obj_id: int) -> tuple[ProposedSymmetry, ...]:
-        """Symmetries to propose for an object; a second's work at the first call."""
+        """Symmetries to propose for an object; the first call takes about a second."""
         if obj_id not in self._symmetries:
             self._symmetries[obj_id] = proposed_symmetries(self.models.get(obj_id), self._progress)
         return self._symmetries[obj_id]
@@ -129,7 +129,7 @@ class LabelDesk:
     # Steps
 
     def place(self, frame: str, obj_id: int, u: float, v: float) -> Label:
-        """Put an object where the photo was clicked: searched for on what stands there, else upright, and snap it.
+        """Place an object where the photo was clicked and snap it: at the best pose found there, else upright.
 
         Raises:
             InputError: there is no such object, or no depth there.
@@ -150,7 +150,7 @@ class LabelDesk:
         """Search for an object in a box, or on a scribble, and snap the best pose; others stay as candidates.
 
         Args:
-            frame: which.
+            frame: name of the frame.
             obj_id: the object.
             box: left, top, right, bottom [px].
             scribble: (u, v) of its points [px].
@@ -182,7 +182,7 @@ class LabelDesk:
         return self._snapped(frame, instance, before.obj_id, T_cam_obj, "given", TURNS_DEG)
 
     def decide(self, frame: str, instance: int, state: State, note: str = "") -> None:
-        """Accept a label, call it uncertain, or leave it open.
+        """Accept a label, mark it as uncertain, or leave it open.
 
         Raises:
             InputError: there is no such label.
@@ -192,7 +192,7 @@ class LabelDesk:
         self._put(frame, structs.replace(before, state=state, note=note, by=getpass.getuser(), at=at))
 
     def remove(self, frame: str, instance: int) -> None:
-        """Take a label away.
+        """Remove a label.
 
         Raises:
             InputError: there is no such label.
@@ -201,7 +201,7 @@ class LabelDesk:
         self._change(frame, [one for one in self.labels(frame) if one is not gone] or None)
 
     def undo(self, frame: str, redo: bool = False) -> None:
-        """Take back the last step on a frame, or do it again.
+        """Undo the last step on a frame, or redo it.
 
         Raises:
             InputError: there is none.
@@ -216,11 +216,11 @@ class LabelDesk:
         back.append(before)
 
     def carry(self, frame: str, most: int) -> Iterator[CarriedFrame]:
-        """Carry the labels of a frame to those that follow in its scene and have none, until one needs a person.
+        """Carry the labels of a frame to the frames after it in its scene that have none, until one needs a person.
 
         Raises:
             InputError: it has no labels, or no such frame follows.
-            Cancelled: it is not wanted any more; what was carried stays.
+            Cancelled: it is no longer wanted; labels carried so far stay.
         """
         labels, scene = self.labels(frame), parse_frame(frame)[0]
         if not labels:
@@ -240,10 +240,10 @@ class LabelDesk:
             out: folder of a data set of its own; None = into the data set that the frames are of.
             with_uncertain: whether uncertain ones count.
             symmetric: objects whose proposed symmetries were confirmed.
-            overwrite: whether what is there is moved aside.
+            overwrite: whether existing files are moved aside.
 
         Raises:
-            InputError: there is nothing to write, something is in the way, or it cannot be written.
+            InputError: there is nothing to write, a file exists already, or cannot be written.
         """
         labels = labels_to_write(self.frames, with_uncertain)
         left_out = [
@@ -258,14 +258,14 @@ class LabelDesk:
             written = write_into_dataset(bare, labels, confirmed, overwrite, progress)
         else:
             written = write_new_dataset(bare, labels, out, confirmed, overwrite, progress)
-            write_labels(out / LABELS, dict(self.frames))  # With lights and widths, for who leaves some out.
+            write_labels(out / LABELS, dict(self.frames))  # With lights and widths, by which users may filter.
         red = [f"{frame_name(ids)} {one.name}" for ids, of in labels.items() for one in of if one.light == "red"]
         notes = [f"written though not verified: {listed(red)}"] if red else []
         notes += [f"left out: {listed(left_out)}"] if left_out else []
         return replace(written, notes=(*written.notes, *notes))
 
     def others(self, frame: str, instance: int) -> tuple[Placed, ...]:
-        """The labelled objects beside one, without those that something speaks against, or whose model is gone."""
+        """The other labelled objects of a frame, without those whose light is red or whose model is gone."""
         others = (one for one in self.labels(frame) if one.instance != instance)
         there = (one for one in others if one.light != "red" and one.obj_id in self.models.ids)
         return tuple(Placed(one.instance, self.models.get(one.obj_id), one.pose) for one in there)
@@ -279,7 +279,7 @@ class LabelDesk:
         others = self.others(frame, instance)
         observation = self._source.observation(frame)
         snap = snapped(self._tools, observation, proposed, others, turns_deg)
-        if begun != "given" and snap.rivals and snap.rivals[0].gain > 0:  # How it is turned was left to the search.
+        if begun != "given" and snap.rivals and snap.rivals[0].gain > 0:  # Its rotation was left to the search.
             proposed = replace(proposed, T_cam_obj=snap.rivals[0].T_cam_obj)
             snap = snapped(self._tools, observation, proposed, others, (0.0,))
         label = label_of(self._tools, snap, begun, time.perf_counter() - began)

@@ -26,7 +26,7 @@ MOST_LOCK_BYTES = 10_000
 
 
 class Holder(Struct, frozen=True):
-    """Who holds the labels of a folder, as its lock file says."""
+    """Holder of a folder's labels, as its lock file names it."""
 
     pid: int
     host: str
@@ -35,8 +35,7 @@ class Holder(Struct, frozen=True):
 
 
 def folder_of_labels(frames: Path) -> Path:
-    """Where the labels of a folder of frames belong: in it, or where nothing can be written there, in ``NAME-labels``
-    beside it.
+    """Folder for the labels of a folder of frames: itself, or ``NAME-labels`` beside it where it cannot be written to.
 
     Raises:
         InputError: nothing can be written in either place.
@@ -74,7 +73,7 @@ class LabelFolder:
 
     @property
     def frames(self) -> Mapping[str, tuple[Label, ...]]:
-        """All labels by frame; a frame with none was looked at and holds nothing."""
+        """All labels by frame; a frame with an empty entry was labelled as holding nothing."""
         return MappingProxyType(self._frames)
 
     def labels(self, frame: str) -> tuple[Label, ...]:
@@ -82,7 +81,7 @@ class LabelFolder:
         return self._frames.get(frame, ())
 
     def next_instance(self, frame: str) -> int:
-        """A number that no object of the frame has, nor had since the folder was opened."""
+        """A number that no object of the frame has, or has had since the folder was opened."""
         return self._last.get(frame, -1) + 1
 
     def put(self, frame: str, label: Label) -> None:
@@ -96,7 +95,7 @@ class LabelFolder:
         self._last[frame] = max(self._last.get(frame, -1), label.instance)
 
     def remove(self, frame: str, instance: int) -> None:
-        """Remove a label; a frame that has none left is one that was not looked at.
+        """Remove a label; a frame that has none left counts as not labelled.
 
         Raises:
             InputError: there is none, or the file cannot be written; all is as before.
@@ -107,7 +106,7 @@ class LabelFolder:
         self._write(frame, others or None)
 
     def replace_all(self, frame: str, labels: Sequence[Label] | None) -> None:
-        """Write the labels of a frame in place of those it has; None = it was not looked at.
+        """Write the labels of a frame in place of those it has; None = the frame counts as not labelled.
 
         Raises:
             InputError: they cannot be written; all is as before.
@@ -117,7 +116,7 @@ class LabelFolder:
         self._last[frame] = max(self._last.get(frame, -1), last)
 
     def mark_empty(self, frame: str, is_empty: bool = True) -> None:
-        """Write that a frame without labels was looked at and holds nothing, or take that back.
+        """Record that a frame without labels holds nothing, or take that back.
 
         Raises:
             InputError: it has labels, or the file cannot be written; all is as before.
@@ -145,7 +144,7 @@ class LabelFolder:
 
 
 def _taken(folder: Path) -> BinaryIO:
-    """The lock, with our name in it."""
+    """Take the lock and write this program's name into it."""
     lock = try_lock(folder / LOCK)
     if lock is None:
         raise InputError(f"{folder} is being labelled {_holder(folder)}; close that one, or label another folder")
@@ -159,6 +158,6 @@ def _taken(folder: Path) -> BinaryIO:
 def _holder(folder: Path) -> str:
     try:
         holder = decoded_json(read_file(folder / LOCK, most_bytes=MOST_LOCK_BYTES), Holder)
-    except (InputError, ValueError):  # It is just being written.
+    except (InputError, ValueError):  # The file is just being written.
         return "by another program"
     return one_line(f"by process {holder.pid} on {holder.host} since {holder.since}")

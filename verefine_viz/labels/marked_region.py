@@ -1,4 +1,4 @@
-"""Pixels of an object that a person marks in the photo, by a box around it or a scribble on it.
+"""Finds the pixels of an object that a person marks in the photo, by a box around it or a scribble on it.
 
 What stands above the support plane, belongs to no labelled object and is connected in depth is one part; a box takes
 the parts in its middle, a scribble those that it touches.
@@ -22,19 +22,19 @@ from verefine_viz.scenes.own_pixels import fit_reach_m, own_pixels
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
 
 ABOVE_M, ABOVE_RMS = 0.004, 2.5
-"""Lower than this, or than so many times the noise of the support plane, a pixel belongs to the plane [m]."""
+"""Height up to which a pixel belongs to the support plane [m], and as a multiple of the plane's noise."""
 STEP_SHARE = 0.01
-"""Neighbouring pixels of one part differ in depth by less than this share of it."""
+"""Largest difference in depth of neighbouring pixels of one part, as a share of depth."""
 CORE = 0.25
-"""Where the core of a box begins, as a share of its size from each side: what fills most of it is the object."""
+"""Distance of a box's core from its sides, as a share of its size; the object is what fills most of the core."""
 MARGIN = 0.14
-"""Where an object begins in a box that is a fifth of the object's size too large on each side."""
+"""Margin of an object in a box that is a fifth of the object's size too large on each side."""
 LEAST_SHARE = 0.05
-"""Parts with fewer pixels than this share of the largest one are noise."""
+"""Least size of a part, as a share of the largest one; smaller parts are noise."""
 
 
 def region_of_box(observation: Observation, box: Sequence[float], others: Sequence[Placed] = ()) -> Mask:
-    """The pixels (H, W) of what stands in the middle of a box.
+    """The pixels (H, W) of the object in the middle of a box.
 
     Args:
         observation: the frame.
@@ -57,7 +57,7 @@ def region_of_box(observation: Observation, box: Sequence[float], others: Sequen
     total, in_core = np.bincount(parts.ravel(), minlength=n), _counts(parts, _shrunk(inside, CORE), n)
     chosen = np.zeros(n, np.bool_)
     chosen[int(in_core[1:].argmax()) + 1] = in_core[1:].any()
-    # What lies off the box's sides belongs to the same object: the inside of a cup, what stands behind a pole.
+    # Parts that do not touch the box's sides belong to the object too: the inside of a cup, what shows behind a pole.
     n_largest = total[chosen].sum()
     on_sides = _counts(parts, inside & ~_shrunk(inside, 0), n)
     chosen |= (
@@ -72,7 +72,7 @@ def region_of_box(observation: Observation, box: Sequence[float], others: Sequen
 def region_of_scribble(
     observation: Observation, pixels: ArrayLike, within_m: float, others: Sequence[Placed] = ()
 ) -> Mask:
-    """The pixels (H, W) of what a scribble touches.
+    """The pixels (H, W) of the object that a scribble touches.
 
     Args:
         observation: the frame.

@@ -1,4 +1,4 @@
-"""Models of labelled objects as a BOP data set has them: meshes, and ``models_info.json`` with confirmed symmetries."""
+"""Writes models of labelled objects for a BOP data set: meshes, and ``models_info.json`` with confirmed symmetries."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from verefine_viz.scenes.unlabelled_frames import Models
 
 INFO = "models_info.json"
 Symmetries = Mapping[int, Sequence[ProposedSymmetry]]
-"""Those that were confirmed, by obj_id."""
+"""Confirmed symmetries, by obj_id."""
 
 
 def folder_of(models: Models) -> Path | None:

@@ -1,4 +1,4 @@
-"""Poses of an object that a person marked in the photo: what the program's own estimators offer, best first.
+"""Finds poses of an object that a person marked in the photo, by the program's own estimators, best first.
 
 Point pair features and views of the model propose; the session's refiner and verifier choose. Offered are a few that
 differ, so that a flip that scores more does not hide the right pose. docs/methods.md 9.1.
@@ -34,11 +34,11 @@ N_OFFERED = 5
 DIFFERS = 0.1
 """Poses whose surfaces are apart by more than this share of the diameter in the mean are worth offering both."""
 N_ESTIMATED = 10
-"""Poses asked of the point pair features."""
+"""Poses requested from point pair features."""
 N_TURNS = 12
 """Turns about the vertical, of each face down."""
 NEAR_SHARE = PADDING
-"""Pixels further from a pose than this share of the diameter do not pull at it."""
+"""Distance from a pose, as a share of the diameter, up to which pixels influence it."""
 N_TRIED = 48
 """Best of the proposed poses, for which the refiner is called once."""
 N_REFINED = 10
@@ -55,14 +55,14 @@ DOWN = (
 
 @dataclass(frozen=True, eq=False)
 class FoundPose:
-    """A pose that is offered."""
+    """A candidate pose."""
 
     T_cam_obj: Float
     """(4, 4) [m]."""
     score: float
     """In [0, 1] (Eq. 1), on the pixels that were marked."""
     source: str
-    """What proposed it, as shown to the user: "ppf #1", "upright 30°"."""
+    """Origin of the pose, as shown to the user: "ppf #1", "upright 30°"."""
 
 
 def found(

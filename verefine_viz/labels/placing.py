@@ -1,4 +1,4 @@
-"""Objects of a frame that has none: where a click puts them, and the target that a pose makes of one."""
+"""Places objects in a frame that has none: the pose for a click, and the target for a pose."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def target_at(
         observation: the frame.
         model: of the object.
         instance_id: number of the object in its frame.
-        T_cam_obj: (4, 4) where it is thought to be [m].
+        T_cam_obj: (4, 4) its assumed pose [m].
         others: objects around it.
         scene: how many points of it the refiner sees, and the seed.
         within_m: how far off the pose may be [m]; None = it fits.
@@ -50,7 +50,7 @@ def target_of(
 
 
 def up_of(observation: Observation) -> Float:
-    """(3,) which way is up in the camera frame; towards the image's upper edge where no support is known."""
+    """(3,) the up direction in the camera frame; towards the image's upper edge where no support is known."""
     support = observation.support
     return np.array([0.0, -1.0, 0.0]) if support is None else np.array(support.T_world_cam[2, :3])
 
@@ -91,7 +91,7 @@ NEAR_PX = 10
 
 
 def _depth_near(observation: Observation, u: float, v: float) -> float:
-    """Median of what was measured next to a pixel [m]."""
+    """Median depth next to a pixel [m]."""
     height, width = observation.camera.shape
     if not (0 <= u < width and 0 <= v < height):
         raise InputError(f"({u:.0f}, {v:.0f}) is outside of the image of {width}×{height} pixels")

@@ -1,4 +1,4 @@
-"""Snapping: the pose that is meant by one that a person gave roughly, with the object's pixels unknown.
+"""Snapping: finds the exact pose for a rough one that a person gave, with the object's pixels unknown.
 
 Starts turned about the vertical are refined on what depth shows near each (ICP alone turns no can); all are
 scored on the pixels of all of them together, so that none profits from explaining little. The best is refined, settled
@@ -28,13 +28,13 @@ from verefine_viz.scenes.own_pixels import fit_reach_m, own_pixels
 TURNS_DEG = (0.0, 10.0, -10.0, 20.0, -20.0, 30.0, -30.0)
 """About the vertical: people place an object to within 25°."""
 ALL_TURNS_DEG = tuple(float(deg) for deg in range(0, 360, 30))
-"""All around, where it is not known how an object is turned."""
+"""Turns all around, for an object of unknown orientation."""
 ROUGH_SHARE, ROUGH_M = 0.2, 0.03
 """How far off a pose that a person gave may be, as a share of the diameter, and at least."""
 ROUGH_CALLS = 2
 """Calls of the refiner at each reach."""
 FEWEST_POINTS = 30
-"""Measured points next to an object below which there is nothing to refine it on."""
+"""Least number of measured points next to an object for refining it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Snapped:
     """An object after snapping."""
 
     target: Target
-    """With the pixels that are its own at the pose."""
+    """The object, with the pixels that are its own at the pose."""
     proposed: Float
     """(4, 4) the pose that was given, in the turn from which it was snapped [m]."""
     refined: RefinedPose

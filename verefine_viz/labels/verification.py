@@ -1,4 +1,4 @@
-"""Verifies a label: a traffic light with its reasons. A wrong label must not look verified."""
+"""Verifies a label, as a traffic light with reasons. A wrong label must not look verified."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ WRONG_FIT, POOR_FIT = 0.45, 0.75
 FEW_SEEN, LITTLE_MEASURED = 0.3, 0.4
 """Share of the drawn object that nothing nearer hides, and that depth was measured of, below which it is doubtful."""
 FAR_SHARE, FAR_DEG = 0.3, 45.0
-"""What snapping moves an object by, as a share of the diameter, or turns it by, that a person should look at."""
+"""Motion by snapping, as a share of the diameter, and turn, from which a person should look at the label."""
 TURN_DEG, SHIFT_SHARE = 10.0, 0.05
-"""What is undetermined by more is a doubt [deg], [share of the diameter]."""
+"""Undetermined turn [deg], and shift [share of the diameter], above which a label is in doubt."""
 
 ALIKE_SCORE = 0.02
 """Poses in which the shape nearly looks the same and whose scores differ by less look alike: of 28 objects of
@@ -37,7 +37,7 @@ Reason = tuple[Light, str]
 
 
 def label_of(tools: Toolbox, snap: Snapped, begun: str = "placed", seconds: float = 0.0) -> Label:
-    """The label that a snapped object makes, with what verifies it.
+    """The label of a snapped object, with its verification.
 
     Args:
         tools: of the session that snapped it.
@@ -156,7 +156,7 @@ def _of_way(model: ObjectModel, T_given: Float, T_cam_obj: Float) -> Iterator[Re
 
 
 def _residual_mm(tools: Toolbox, target: Target, T_cam_obj: Float) -> tuple[float, float]:
-    """Mean distance along z of explained pixels to the model [mm], and the share of the drawn object they are."""
+    """Mean distance along z of explained pixels from the model [mm], and their share of the drawn object."""
     maps = tools.verifier.maps(target, T_cam_obj)
     if maps is None:
         return 0.0, 0.0

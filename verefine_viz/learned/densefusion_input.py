@@ -1,6 +1,6 @@
-"""What DenseFusion sees of an object: a crop of the image, and points of its mask. docs/methods.md 5.2.
+"""Input of DenseFusion for an object: a crop of the image, and points of its mask. docs/methods.md 5.2.
 
-As the official implementation prepares it, which the official weights need: sides of the crop in steps of 40 pixels,
+Prepared as in the official implementation, which the official weights need: sides of the crop in steps of 40 pixels,
 colours from 0 to 255 shifted and scaled by numbers that were meant for 0 to 1.
 """
 
@@ -15,14 +15,14 @@ from verefine_viz.core.arrays import Mask
 from verefine_viz.core.camera import Camera
 
 BORDER_PX = 40
-"""A crop's sides are multiples of this."""
+"""Step of a crop's sides [px], which are multiples of it."""
 MEAN = np.array([0.485, 0.456, 0.406], np.float32)
 STD = np.array([0.229, 0.224, 0.225], np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class ImageWindow:
-    """Part of an image; may reach beyond it where the image is smaller."""
+    """A window of an image; it may reach beyond a smaller image."""
 
     top: int
     left: int
@@ -32,16 +32,16 @@ class ImageWindow:
 
 @dataclass(frozen=True, eq=False)
 class ObjectCrop:
-    """One object, as the networks take it."""
+    """One object as input of the networks."""
 
     image: NDArray[np.float32]
     """(1, 3, h, w) normalised; what lies beyond the image is black."""
     points: NDArray[np.float32]
     """(1, N, 3) points of the mask in the camera's frame [m]."""
     chosen: NDArray[np.int64]
-    """(N,) where they lie in the flattened crop."""
+    """(N,) indices of the points in the flattened crop."""
     n_distinct: int
-    """The first so many points are distinct; a small mask's come again and again."""
+    """Number of distinct points, which come first; points of a small mask are repeated."""
 
 
 def window_around(mask: Mask) -> ImageWindow:
@@ -74,9 +74,9 @@ def crop_of(
         depth_m: (H, W) [m]; 0 where nothing was measured.
         mask: (H, W) the object's pixels.
         camera: intrinsics.
-        n_points: how many points; of a larger mask a random choice, a smaller mask's again and again, both in the
+        n_points: how many points; a larger mask gives a random choice, a smaller one repeats its points, both in the
             order of the image.
-        seed: of the choice.
+        seed: seed of the choice.
     """
     usable = mask & np.isfinite(depth_m) & (depth_m > 0)
     if not usable.any():

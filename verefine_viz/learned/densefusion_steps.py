@@ -1,6 +1,6 @@
-"""DenseFusion's two networks as they are used: a pose from each point of an object, and a step from a pose.
+"""Runs the two networks of DenseFusion: a pose from each point of an object, and a step from a pose.
 
-docs/methods.md 5.3. Poses are those of the models of the frame. The official YCB-Video weights mean other models,
+docs/methods.md 5.3. Poses are those of the frame's models. The official YCB-Video weights were trained on other models,
 shifted against those of BOP; their poses are converted on the way in and out.
 """
 
@@ -24,9 +24,9 @@ from verefine_viz.learned.onnx_network import OnnxNetwork
 POSE_NET, REFINE_NET = "densefusion_pose", "densefusion_refine"
 """Names of the networks in model cards."""
 FORMAT = 1
-"""Format of what goes in and comes out; weights of another one are refused."""
+"""Format of inputs and outputs; weights of another format are refused."""
 SMALLEST_NORM = 1e-12
-"""A quaternion shorter than this has no direction."""
+"""Length below which a quaternion has no direction."""
 
 # BOP moved the YCB-Video models by these (bop_toolkit, dataset_info.md of YCB-V) [mm].
 YCBV_SHIFTS_MM = (
@@ -44,13 +44,13 @@ class Classes:
     """The objects that a network knows, by class."""
 
     obj_ids: tuple[int, ...]
-    """In the order of the classes."""
+    """Object ids in the order of the classes."""
     n_points: int
-    """With how many points it was trained."""
+    """Number of points that it was trained with."""
     shifts_mm: Mapping[int, tuple[float, float, float]]
-    """By obj_id, by what a model of the frame is moved against that of the training [mm]; none = not at all."""
+    """Shift of the frame's model against that of the training, by obj_id [mm]; missing = none."""
     extents_mm: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
-    """By obj_id, of the model of the training along its axes [mm]; none = unknown."""
+    """Size of the training's model along its axes, by obj_id [mm]; missing = unknown."""
 
 
 YCBV = Classes(tuple(range(1, 22)), 1000, dict(enumerate(YCBV_SHIFTS_MM, 1)))
@@ -58,7 +58,7 @@ YCBV = Classes(tuple(range(1, 22)), 1000, dict(enumerate(YCBV_SHIFTS_MM, 1)))
 LINEMOD = Classes((1, 2, 4, 5, 6, 8, 9, 10, 11, 12, 13, 14, 15), 500, {})
 """Classes of the official LINEMOD weights."""
 OFFICIAL_CLASSES = {len(known.obj_ids): known for known in (YCBV, LINEMOD)}
-"""By the number of classes, which tells the official weights apart."""
+"""Official classes by their number, which tells the official weights apart."""
 POINTS = 500
 """Points per object, of a network whose card states no number."""
 
@@ -93,7 +93,7 @@ def classes_of(network: OnnxNetwork, settings: DenseFusionSettings) -> Classes:
 
 @dataclass(frozen=True, eq=False)
 class Colours:
-    """What PoseNet makes of a crop for PoseRefineNet."""
+    """Output of PoseNet for PoseRefineNet."""
 
     points: Float
     """(1, N, 3) [m], in the camera's frame."""
@@ -111,7 +111,7 @@ class PixelPoses:
     """(N,) in (0, 1)."""
     colours: Colours
     n_distinct: int
-    """The first so many come from distinct points."""
+    """Number of poses from distinct points, which come first."""
 
 
 class DenseFusionPose:
@@ -151,7 +151,7 @@ class DenseFusionPose:
         return PixelPoses(Ts, confidences, Colours(points, described), crop.n_distinct)
 
     def crop(self, target: Target) -> ObjectCrop | None:
-        """What the network sees of the object; None where its mask holds no depth."""
+        """The network's input for the object; None where its mask holds no depth."""
         o, mask = target.observation, target.instance.mask
         if o.rgb is None:
             raise InputError("DenseFusion needs a colour image, and this frame has none; choose another refiner")
@@ -174,7 +174,7 @@ class DenseFusionSteps:
         self.classes = classes_of(self.network, settings)
 
     def refined(self, T_cam_obj: Float, colours: Colours, model: ObjectModel, n_steps: int) -> Float:
-        """The pose (4, 4) [m] after so many steps of the network.
+        """The pose (4, 4) [m] after some steps of the network.
 
         Raises:
             InputError: the network does not know the object, or its answer is not finite.
@@ -217,7 +217,7 @@ def extents_mm(model: ObjectModel) -> tuple[float, float, float]:
 
 
 def shift_of(classes: Classes, obj_id: int, sign: int) -> Float:
-    """(4, 4) what, from the right, turns a pose of the frame's model into one of the training's (1), or back (-1)."""
+    """Right factor (4, 4) that converts a pose of the frame's model to one of the training's (1), or back (-1)."""
     return transform(np.eye(3), sign * np.array(classes.shifts_mm.get(obj_id, (0.0, 0.0, 0.0))) / 1000)
 
 

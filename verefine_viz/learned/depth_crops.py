@@ -1,6 +1,6 @@
-"""What ``depth_net`` sees of an object at a pose, and what its answer means. docs/methods.md 4.4.
+"""Input of ``depth_net`` for an object at a pose, and the meaning of its answer. docs/methods.md 4.4.
 
-A crop is the picture of a virtual camera at the real one's place that looks at the object's centre, with a field of
+A crop is the image of a virtual camera that stands at the real one and looks at the object's centre, with a field of
 view that follows the object's size and distance. In it every object at every place looks alike: centred, of one
 size, depth counted from its centre in units of its radius. The answer is a step in that camera's frame.
 """
@@ -19,15 +19,15 @@ from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.rasterizer import draw_depth
 
 FORMAT = 1
-"""Format of crops and answers; weights of another one are refused."""
+"""Format of crops and answers; weights of another format are refused."""
 SIDE_PX = 40
 """Side of a crop [px]."""
 REACH = 1.5
 """Half of what a crop shows, at the object's centre, in radii."""
 DEEPEST = 1.5
-"""Depths further than this from the object's centre are clamped to it, in radii."""
+"""Distance from the object's centre to which depth is clamped, in radii."""
 FINE = 0.25
-"""Difference of depths at which its channel is clamped, in radii: there small differences are large numbers."""
+"""Difference of depths at which its channel is clamped, in radii, so that small differences are large numbers."""
 CHANNELS = ("observed", "rendered", "difference", "own", "drawn", "measured")
 """Channels of a crop: depth of the frame and of the model, in radii from the object's centre; their difference, in
 units of ``FINE``, where both are the object's; whether a pixel is measured and in the mask, is drawn, is measured."""
@@ -39,7 +39,7 @@ ANSWERS = 7
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """Where a model's middle is and how large it is."""
+    """Middle and size of a model."""
 
     centre_obj: Float
     """(3,) middle of its bounding box, in its own frame [m]."""
@@ -54,7 +54,7 @@ def extent_of(vertices: Float, diameter_m: float) -> Extent:
 
 @dataclass(frozen=True, eq=False)
 class DepthCrops:
-    """N poses of one object, as the network sees them."""
+    """Crops of N poses of one object, as the network sees them."""
 
     channels: NDArray[np.float32]
     """(N, C, S, S), ``CHANNELS``."""
@@ -121,7 +121,7 @@ def fill_crop(
     channels,
     R_crop_cam,
 ):
-    """Fills one crop (C, S, S) of zeros and its camera's rotation (3, 3); whether object and model show in it."""
+    """Fill one crop (C, S, S) of zeros and its camera's rotation (3, 3); return whether object and model show in it."""
     x = T[0, 0] * centre_obj[0] + T[0, 1] * centre_obj[1] + T[0, 2] * centre_obj[2] + T[0, 3]
     y = T[1, 0] * centre_obj[0] + T[1, 1] * centre_obj[1] + T[1, 2] * centre_obj[2] + T[1, 3]
     z = T[2, 0] * centre_obj[0] + T[2, 1] * centre_obj[1] + T[2, 2] * centre_obj[2] + T[2, 3]

@@ -1,6 +1,6 @@
 """A trained network: an ONNX file with its model card inside, run by onnxruntime. Same file and input, same bits.
 
-It runs on one thread, as sums in another order would have other last digits. The file is named by its hash wherever a
+It runs on one thread, as another order of sums would change last digits. The file is named by its hash wherever a
 run is recorded.
 """
 
@@ -26,27 +26,27 @@ PACKAGED = Path(__file__).parent / "weights"
 CARD = "card"
 """The entry of the file's metadata that holds the model card."""
 LARGEST_BYTES = 500_000_000
-"""No file of weights is larger; another that was named by mistake may fill the memory."""
+"""Largest file of weights; a larger file, named by mistake, might fill the memory."""
 _ERRORS_ONLY = 3
 _LOOPS = (b"\x22\x04Loop", b"\x22\x04Scan")
-"""Nodes that run others again and again, as an ONNX file has their kind: field 4, 4 letters."""
+"""Loop nodes, which run others repeatedly, as their kind is written in an ONNX file: field 4, 4 letters."""
 
 
 class ModelCard(msgspec.Struct, frozen=True):
-    """What a network is, as its training wrote it down: beside this data, seed, command, losses and metrics."""
+    """Description of a network by its training, which also holds data, seed, command, losses and metrics."""
 
     network: str
-    """Its name: ``depth_net``."""
+    """Name of the network: ``depth_net``."""
     format: int
-    """Format of what goes in and comes out; a network of another one cannot be used."""
+    """Format of inputs and outputs; a network of another format cannot be used."""
     trained_range: TrainedRange | None = None
-    """How far its starts were from the ground truth; None where it does not say."""
+    """Distance of its training starts from the ground truth; None where it is not stated."""
     command: str = ""
     """Which trained it."""
     n_classes: Annotated[int, Meta(ge=1, le=10_000)] = 1
     points: Annotated[int, Meta(ge=1, le=100_000)] | None = None
     classes: tuple[Id, ...] = ()
-    """DenseFusion: the objects that it knows, the points that it takes, and how large the objects are."""
+    """DenseFusion: the objects that it knows, the number of points that it takes, and the sizes of the objects."""
     extents_mm: tuple[Numbers3, ...] = ()
 
 
@@ -91,7 +91,7 @@ class OnnxNetwork:
         return answers
 
     def answers(self, *inputs: NDArray[Any]) -> tuple[NDArray[np.float64], ...]:
-        """All that it answers to inputs in their order.
+        """All outputs for inputs in their order.
 
         Raises:
             InputError: an answer is not finite, or the network takes other inputs.

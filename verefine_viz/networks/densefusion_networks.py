@@ -1,7 +1,7 @@
 """The two networks of DenseFusion (Wang et al., CVPR 2019), with the names and shapes of the official weights.
 
-docs/methods.md 5. One crop of one object at a time: a crop's size follows the object's mask, so that crops make no
-batch. The official implementation wraps the colour branch in ``DataParallel``, whose ``module`` is in the names.
+docs/methods.md 5. The networks take one crop at a time: its size follows the object's mask, so that crops cannot be
+batched. The official implementation wraps the colour branch in ``DataParallel``, whose ``module`` is in the names.
 """
 
 # pyright: reportMissingImports=false
@@ -19,12 +19,12 @@ POINT_FEATURES = (64, 128)
 PYRAMID = (1, 2, 3, 6)
 """Cells along each side of the pooling pyramid's levels."""
 AUXILIARY = 21
-"""Classes of a layer that the official weights have and nothing uses."""
+"""Classes of an unused layer that the official weights have."""
 
 
 @dataclass(frozen=True)
 class Size:
-    """How wide the networks are."""
+    """Width of the networks."""
 
     stages: tuple[int, int, int, int]
     """Channels of the residual stages."""
@@ -35,21 +35,21 @@ class Size:
     colour: int
     """Numbers that describe the colour around a pixel."""
     fused: tuple[int, int]
-    """Features of the object as a whole: of the layer before them, and their number."""
+    """Channels of the layer before the features of the whole object, and number of these features."""
     head: tuple[int, int, int]
     """Hidden layers of the heads of PoseNet."""
     refiner_head: tuple[int, int]
     """Hidden layers of the heads of PoseRefineNet."""
     largest_colour: float
-    """By which colours are divided: 1 in the official weights, which take them from 0 to 255."""
+    """Divisor of colours: 1 for the official weights, which take them from 0 to 255."""
     unit_m: float
     """Unit of lengths inside [m]."""
     is_centred: bool
-    """Whether PoseNet sees the points from their mean, instead of from the camera."""
+    """Whether PoseNet sees the points relative to their mean, instead of to the camera."""
     is_halved: bool
     """Whether the colour branch sees the crop at half its height and width."""
     dropout: tuple[float, float]
-    """Share of channels that training leaves out after the pyramid and after each enlargement."""
+    """Dropout of channels in training after the pyramid and after each enlargement."""
 
 
 OFFICIAL = Size(
@@ -81,7 +81,7 @@ SLIM = Size(
     dropout=(0.0, 0.0),
 )
 """Ours: a twentieth of the parameters, for training and inference on a processor. Its numbers are near 1, so that it
-learns in minutes: distances of 1 m between points 1 cm apart take long to be subtracted."""
+learns in minutes: it takes long to learn to subtract a distance of 1 m from points that are 1 cm apart."""
 
 
 class _Block(nn.Module):
@@ -185,7 +185,7 @@ class _PspNet(nn.Module):
 
 
 class _Module(nn.Module):
-    """What stands between ``cnn`` and the colour branch in the names of the official weights."""
+    """Layer between ``cnn`` and the colour branch in the names of the official weights."""
 
     def __init__(self, module: nn.Module) -> None:
         super().__init__()
@@ -223,7 +223,7 @@ class _Fusion(nn.Module):
         near = torch.cat([x, e], dim=1)
         x, e = torch.relu(self.conv2(x)), torch.relu(self.e_conv2(e))
         pairs = torch.cat([near, x, e], dim=1)
-        # PoseNet makes the features of the object of the second layer alone, PoseRefineNet of both.
+        # PoseNet makes the object's features from the second layer alone, PoseRefineNet from both.
         whole = torch.relu(self.conv6(torch.relu(self.conv5(pairs[:, -self._n_object :]))))
         return pairs, whole
 
@@ -233,7 +233,7 @@ class PoseNet(nn.Module):
 
     Args:
         n_classes: objects that it knows.
-        size: how wide it is.
+        size: width of the network.
     """
 
     def __init__(self, n_classes: int, size: Size = OFFICIAL) -> None:
@@ -274,7 +274,7 @@ class PoseNet(nn.Module):
         return r, t * self._unit_m, torch.sigmoid(c[:, :, 0])
 
     def _head(self, name: str, x: Tensor, index: Tensor) -> Tensor:
-        """(B, N, n) what a head answers for each object's class."""
+        """(B, N, n) output of a head for each object's class."""
         for k in range(3):
             x = torch.relu(self.get_submodule(f"conv{k + 1}_{name}")(x))
         every = self.get_submodule(f"conv4_{name}")(x).unflatten(1, (self.n_classes, -1))
@@ -286,7 +286,7 @@ class PoseRefineNet(nn.Module):
 
     Args:
         n_classes: objects that it knows.
-        size: how wide it is; the same as PoseNet's.
+        size: width of the network; equal to PoseNet's.
     """
 
     def __init__(self, n_classes: int, size: Size = OFFICIAL) -> None:
@@ -325,7 +325,7 @@ class PoseRefineNet(nn.Module):
 
 
 def pose_net_example() -> tuple[tuple[Tensor, ...], tuple[dict[int, Any] | None, ...]]:
-    """What PoseNet takes, and which sizes of it may be others, for the export."""
+    """Example inputs of PoseNet and their variable sizes, for the export."""
     height, width, n = (torch.export.Dim(name, min=2, max=2**14) for name in ("height", "width", "points"))
     image, chosen = torch.zeros(1, 3, 80, 120), torch.arange(50)
     return (image, torch.zeros(1, 50, 3), chosen, torch.tensor([0])), (

@@ -1,6 +1,6 @@
 """Opens DenseFusion's weights: those of the package, ONNX of ``verefine-viz train``, or official ``.pth``.
 
-A ``.pth`` file is made into ONNX once, which is cached by the file's hash; from then on torch is not needed for it.
+A ``.pth`` file is converted to ONNX once and cached by the file's hash; from then on torch is not needed for it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from verefine_viz.learned.densefusion_steps import POSE_NET, REFINE_NET, DenseFu
 from verefine_viz.learned.onnx_network import PACKAGED, hash_of, read_weights
 
 CACHE_FORMAT = 1
-"""Format of the ONNX files in the cache: raise it where they are made in another way."""
+"""Format of the ONNX files in the cache: raise it when they are made in another way."""
 SLIM_FILES = {POSE_NET: "densefusion_slim.onnx", REFINE_NET: "densefusion_slim_refine.onnx"}
 """Weights of the package: slim networks, trained on made-up views of the built-in objects."""
 _FIELDS = {POSE_NET: "weights", REFINE_NET: "refiner_weights"}
@@ -53,7 +53,7 @@ def weights_hash(settings: DenseFusionSettings, with_refiner: bool) -> str:
 
 
 def onnx_file(path: Path, name: str) -> Path:
-    """The ONNX file of weights: themselves, or what is made of a ``.pth`` file.
+    """The ONNX file of weights: the file itself, or the conversion of a ``.pth`` file.
 
     Args:
         path: the weights.

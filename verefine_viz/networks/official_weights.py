@@ -1,4 +1,4 @@
-"""Makes ONNX of the official weights of DenseFusion, ``.pth`` files of torch. docs/methods.md 5.1."""
+"""Converts the official weights of DenseFusion, ``.pth`` files of torch, to ONNX. docs/methods.md 5.1."""
 
 # pyright: reportMissingImports=false
 from __future__ import annotations
@@ -31,7 +31,7 @@ def onnx_of_pth(content: bytes, path: Path, name: str) -> bytes:
     """The network of a ``.pth`` file as ONNX.
 
     Args:
-        content: of the file.
+        content: the bytes of the file.
         path: of the file, for messages and the model card.
         name: of the network, ``POSE_NET`` or ``REFINE_NET``.
 
@@ -53,7 +53,7 @@ def onnx_of_pth(content: bytes, path: Path, name: str) -> bytes:
 def loaded(content: bytes, path: Path, name: str) -> PoseNet | PoseRefineNet:
     """The network with the weights of a ``.pth`` file; raises as :func:`onnx_of_pth`."""
     try:
-        # Numbers and arrays only: nothing is unpickled that could run.
+        # Numbers and arrays only: nothing that could run code is unpickled.
         state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     except Exception:
         raise InputError(f"weights {path} are no .pth file of torch, or are damaged") from None
@@ -76,7 +76,7 @@ def loaded(content: bytes, path: Path, name: str) -> PoseNet | PoseRefineNet:
 
 
 def _official_name(key: str) -> str:
-    """A layer's name, whether or not all of the network, or its colour branch, was wrapped in ``DataParallel``."""
+    """A layer's name without ``DataParallel``, in which the network or its colour branch may have been wrapped."""
     key = key.removeprefix("module.")
     inner = key.removeprefix("cnn.model.")
     return key if inner == key or inner.startswith("module.") else f"cnn.model.module.{inner}"

@@ -32,8 +32,8 @@ def onnx_bytes(
 
     Args:
         model: the network.
-        examples: what goes in, in order.
-        sizes: of each, which of its axes may have another size (``torch.export.Dim``).
+        examples: example inputs, in order.
+        sizes: for each, which of its axes may have another size (``torch.export.Dim``).
         card: its model card.
     """
     content = io.BytesIO()
@@ -46,21 +46,21 @@ def onnx_bytes(
     assert program is not None
     program.save(content)
     exported = onnx.load_from_string(content.getvalue())
-    for node in exported.graph.node:  # Where in which file it was made: another for each computer.
+    for node in exported.graph.node:  # Source locations, which differ between computers.
         del node.metadata_props[:]
         node.doc_string = ""
     return with_card(exported.SerializeToString(), card)
 
 
 def with_card(content: bytes, card: Mapping[str, Any]) -> bytes:
-    """The ONNX file with this model card instead of its own."""
+    """The content of an ONNX file with this model card instead of its own."""
     network = onnx.load_from_string(content)
     onnx.helper.set_model_props(network, {CARD: json.dumps(card)})
     return network.SerializeToString(deterministic=True)
 
 
 def write_network(path: Path, content: bytes, card: Mapping[str, Any]) -> None:
-    """Writes the network to ``path`` and its card to the same name with ``.json``, each whole or not at all.
+    """Write the network to ``path`` and its card to the same name with ``.json``, each whole or not at all.
 
     Raises:
         InputError: a file cannot be written.
