@@ -50,11 +50,11 @@ D = TypeVar("D")
 Named = tuple[str, int | None]
 """Name and instance_id of an object."""
 OF_ITS_FRAME = ("scene", "data", "hypotheses", "ppf", "pcs", "densefusion")
-"""Sections that say what the frame of a run is, and where its initial poses come from."""
+"""Sections that define the frame of a run, and the source of its initial poses."""
 
 
 class _Solving:
-    """A run that is made here."""
+    """A run that is computed here."""
 
     def __init__(self, frame: AnyFrame, sections: Mapping[str, Any]) -> None:
         check_frame(frame)
@@ -115,7 +115,7 @@ class _Recorded:
 
     Args:
         record: the run.
-        frame: of arrays, where it was made of one in memory.
+        frame: the frame of arrays that it was made from, if any.
     """
 
     def __init__(self, record: RunRecord, frame: Frame | None = None) -> None:
@@ -180,7 +180,7 @@ _Source: TypeAlias = _Solving | _Recorded
 
 
 class Iterations(Sequence[Iteration]):
-    """The iterations of a run. ``len`` and ``[k]`` are those that were made; going through them makes the next ones."""
+    """The iterations of a run. ``len`` and ``[k]`` see those made so far; iterating makes the next ones."""
 
     def __init__(self, run: _Source) -> None:
         self._run = run
@@ -211,13 +211,13 @@ class Iterations(Sequence[Iteration]):
 
 
 class _NoIteration(InputError, IndexError):
-    """A number that no iteration has."""
+    """An index that no iteration has."""
 
 
 class Run(Mapping[str | int, Answer]):
     """A run of a method on a frame; :func:`solve`, :func:`step` and :func:`open_run` make them.
 
-    It is a mapping of answers by the names of their objects, or by their instance_id where several have one name.
+    It maps the names of objects to their answers; where several objects share a name, their instance_ids.
     """
 
     def __init__(self, of: _Source) -> None:
@@ -232,14 +232,14 @@ class Run(Mapping[str | int, Answer]):
 
     @property
     def session(self) -> Session:
-        """The settings that define the run, each explicit."""
+        """The settings that define the run, all of them explicit."""
         return self._of.session
 
     def finish(self) -> Run:
         """Make all iterations that are left; returns the run itself.
 
         Raises:
-            InputError: it was read from a file that ends early.
+            InputError: the run was read from a file that ends early.
         """
         self._of.finish()
         return self
@@ -251,7 +251,7 @@ class Run(Mapping[str | int, Answer]):
 
     @property
     def iterations(self) -> Iterations:
-        """The iterations: those that were made, and, for who goes through them, the next ones;
+        """The iterations made so far; iterating over them makes the next ones.
         :class:`~verefine_viz.core.records.Iteration` has the pose and the score of each stage, and what was accepted.
         """
         return Iterations(self._of)
@@ -292,7 +292,7 @@ class Run(Mapping[str | int, Answer]):
     @overload
     def get(self, name: str | int, /, default: Answer | D) -> Answer | D: ...
     def get(self, name: str | int, /, default: Any = None) -> Any:
-        """The answer about an object, or ``default`` where the frame has none of the name."""
+        """The answer about an object, or ``default`` where the frame has no object of that name."""
         return self[name] if name in self else default  # noqa: SIM401 – this is what get is.
 
     def __eq__(self, other: object) -> bool:
@@ -370,8 +370,8 @@ class Run(Mapping[str | int, Answer]):
     def save(self, path: Path | str) -> Path:
         """Write the run to a file (``.vfrun``), which :func:`open_run` and ``verefine-viz view`` open.
 
-        A frame of arrays is written beside it as a trace, into a folder that is called as the file with ``-frame``;
-        that of an earlier run of the name is replaced, as the file is.
+        A frame of arrays is written beside it as a trace, into a folder named like the file with ``-frame`` appended.
+        File and folder of an earlier run with that name are replaced.
 
         Args:
             path: the file, as "drop.vfrun".
@@ -380,7 +380,8 @@ class Run(Mapping[str | int, Answer]):
             The file.
 
         Raises:
-            InputError: the path has another ending, its folder holds something else, or it cannot be written.
+            InputError: the path has another ending, the trace's folder holds something else, or the file cannot be
+                written.
         """
         path = checked_path(path, "path", f'the name of a file, as "drop{SUFFIX}"')
         if path.suffix != SUFFIX:
@@ -487,7 +488,7 @@ def step(
         sections: other settings, each section a dict as in a session file: ``score={"tau_m": 0.01}``.
 
     A part of your own is an object with the method of its kind, its class, or a function that makes one; runs name it
-    by its class. It is given arrays of its own, which it may write into.
+    by its class. It gets copies of the arrays, so it may write into them.
 
     Returns:
         The run before its first iteration: ``for iteration in vv.step(frame).iterations`` makes them.
@@ -541,17 +542,17 @@ def solve(
 
 
 def open_run(path: Path | str) -> Run:
-    """Open a run that was saved, or that a batch has left.
+    """Open a run that was saved, or one of a batch.
 
     Args:
         path: its file (``.vfrun``), or a recording of it (``.rrd``).
 
     Returns:
         The run as :func:`solve` gave it. Its frame's data are read when they are needed: by ``allowed``, ``diagnose``,
-        ``frame`` and pictures. One that was stopped has its iterations and no answers.
+        ``frame`` and pictures. A run that was stopped has iterations but no answers.
 
     Raises:
-        InputError: there is no such file, it is none, or it is damaged.
+        InputError: there is no such file, it is not a run, or it is damaged.
     """
     file = checked_path(path, "path", f"a run ({SUFFIX}), or a recording of one (.rrd)")
     if file.suffix not in (SUFFIX, ".rrd"):
