@@ -380,7 +380,7 @@ export interface ComparedBranches {
   b: number;
 }
 
-/** Iterations of a branch, appended to those that a window has; `from` 0 begins again. */
+/** Iterations of a branch, appended to those of the window; `from` 0 replaces all. */
 export interface RunMessage {
   t: "run";
   branch: number;
@@ -391,9 +391,9 @@ export interface RunMessage {
   /** What a recording lacks, in words; "" where it is whole. */
   missing: string;
   rows: IterationRow[];
-  /** By object, initial poses where they differ from the oldest branch's, or are scored otherwise. */
+  /** Initial poses by object, where they or their scores differ from the oldest branch's. */
   start: Record<string, InitialPose[]> | null;
-  /** All of the branch so far. */
+  /** All marks of the branch so far. */
   marks: Mark[];
   notes: string[];
 }
@@ -403,9 +403,9 @@ export interface IterationRow {
   k: number;
   obj: number;
   arm: number;
-  /** Its number among the iterations of this arm. */
+  /** Its number among this arm's iterations. */
   n: number;
-  /** Its number among those of this object. */
+  /** Its number among this object's iterations. */
   own: number;
   pass: number | null;
   cluster: number;
@@ -421,7 +421,7 @@ export interface IterationRow {
   arms: ArmState[];
   /** Number of simulated poses. */
   path: number | null;
-  /** Other objects that stood there. */
+  /** Other objects, at their places in the scene. */
   placed: PlacedObject[];
   scene: ScenePass | null;
   tree: SearchStep | null;
@@ -431,7 +431,7 @@ export interface IterationRow {
   text: string;
 }
 
-/** A pose on the way through an iteration; parts of the score are null where it was not scored. */
+/** A pose at one stage of an iteration; parts of the score are null where it was not scored. */
 export interface ScoredStage {
   name: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated";
   score: number | null;
@@ -463,11 +463,11 @@ export interface BestPose {
   T: Pose;
 }
 
-/** The bandit's numbers as they were when it chose, over the arms; null where an arm was not played. */
+/** The bandit's numbers at its choice, one per arm; null where an arm was not played. */
 export interface ArmChoice {
   plays: number[];
   mean: (number | null)[];
-  /** What makes arms that were played seldom come next. */
+  /** Bonus for arms that were seldom played. */
   bonus: (number | null)[];
   /** mean + bonus. */
   ucb: (number | null)[];
@@ -483,26 +483,26 @@ export interface ArmState {
   T: Pose;
 }
 
-/** An object that stood there. */
+/** Another object at its place in the scene. */
 export interface PlacedObject {
   obj: number;
   T: Pose;
 }
 
-/** What closes a pass over the objects of a cluster. */
+/** The outcome of a pass over the objects of a cluster. */
 export interface ScenePass {
   number: number;
-  /** Score of the poses of this pass together. */
+  /** Score of this pass's poses as a scene. */
   score: number;
-  /** Score of each object's best pose so far, together. */
+  /** Score of the objects' best poses so far, as a scene. */
   best_known: number;
-  /** What the arms that were chosen got. */
+  /** Reward of the chosen arms. */
   reward: number;
-  /** The highest of all passes. */
+  /** The highest score of all passes so far. */
   incumbent: number;
 }
 
-/** What an iteration did to the search tree. */
+/** A step of the search tree. */
 export interface SearchStep {
   cluster: number;
   /** Nodes from the root to the one visited. */
@@ -511,7 +511,7 @@ export interface SearchStep {
   node: SearchNode | null;
   /** Why each node after the root was chosen, in words. */
   choices: string[];
-  /** The rest of the scene as it was completed. */
+  /** The other objects of the completed scene. */
   rollout: PlacedObject[];
   /** Pixels of the complete scene that are not explained. */
   cost: number;
@@ -529,7 +529,7 @@ export interface SearchNode {
   lcp: number;
 }
 
-/** An iteration that is worth a look, on the timeline. */
+/** A mark on the timeline: an iteration that is worth a look. */
 export interface Mark {
   k: number;
   obj: number;
@@ -538,7 +538,7 @@ export interface Mark {
   tone: "best" | "edited" | "flip" | "problem" | "rejected" | "switched";
 }
 
-/** What came of a run that is over, and why; sent again when physics or the score around the answers are known. */
+/** The outcome of a finished run, and why; sent again when physics or the score around the answers is known. */
 export interface VerdictMessage {
   t: "verdict";
   branch: number;
@@ -548,11 +548,11 @@ export interface VerdictMessage {
   objects: JudgedObject[];
   scene: JudgedScene;
   doubts: DoubtShown[];
-  /** What makes physics doubtful. */
+  /** Reasons to doubt the physics. */
   notes: string[];
 }
 
-/** What came of one object; without an answer all that belongs to one is null. */
+/** The outcome of one object; without an answer, the fields about the answer are null. */
 export interface JudgedObject {
   obj: number;
   label: string;
@@ -575,13 +575,13 @@ export interface JudgedObject {
   stage: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated" | null;
   T: Pose | null;
   runner_up: RunnerUpPose | null;
-  /** A pose elsewhere that explains the image equally well. */
+  /** A distant pose that explains the image equally well. */
   also_fits: Pose | null;
-  /** null before the score around the answer is known, and where nothing that looks otherwise is allowed. */
+  /** null before the score around the answer is known, and where the image allows no visibly different pose. */
   allowed: AllowedByImage | null;
   /** How the answer came about, in four to six moments. */
   film: MomentShown[];
-  /** null where it is unknown, or ground truth is. */
+  /** null where this or the ground truth is unknown. */
   trained: RefinerRange | null;
 }
 
@@ -595,9 +595,9 @@ export interface FindingShown {
   advice: string;
   /** Settings that may help, by dotted name. */
   try: Record<string, boolean | number | string> | null;
-  /** Whether it is the batch's, which made re-runs. */
+  /** Whether it comes from the batch, which re-ran to find it. */
   by_batch: boolean;
-  /** The evidence, as of its cause (docs/causes.md); errors are ADD(-S) as a share of the diameter. */
+  /** The evidence, in the numbers of its cause (docs/causes.md); errors are ADD(-S) as a share of the diameter. */
   numbers: Record<string, number>;
   /** The tab whose picture of the answer shows it. */
   tab: string;
@@ -608,19 +608,19 @@ export interface FindingShown {
 /** The best pose of another hypothesis. */
 export interface RunnerUpPose {
   arm: number;
-  /** How much less it scores. */
+  /** By how much its score is lower. */
   lead: number;
   apart_mm: number;
   T: Pose;
 }
 
-/** Poses that stand for all that the image cannot tell from an answer. */
+/** Samples of the poses that the image cannot distinguish from an answer. */
 export interface AllowedByImage {
-  /** At most 12: spread along the least certain motion, then those that look alike. */
+  /** At most 12: spread along the least certain motion, then isolated poses that look alike. */
   poses: Pose[];
   /** The least certain motion, in words. */
   words: string;
-  /** Whether they are drawn until they are hidden: the observation cannot tell, or a turn is undetermined by far. */
+  /** Whether they are drawn from the start: the observation is ambiguous, or a turn is far from determined. */
   unasked: boolean;
 }
 
@@ -628,20 +628,20 @@ export interface AllowedByImage {
 export interface MomentShown {
   /** 0 = before the first; the answer stands at the last. */
   k: number;
-  /** The last stage that is shown; null = all of the iteration. */
+  /** The last stage that is shown; null = the whole iteration. */
   stage: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated" | null;
   title: string;
   caption: string;
-  /** What is drawn over the photo: names and colours. */
+  /** The poses that are drawn over the photo: names and colours. */
   legend: [string, [number, number, number]][];
-  /** As the want `film` has it. */
+  /** As in the want `film`. */
   drawn: MomentDrawn;
 }
 
 /** What is drawn of a key moment: `[k, poses, map, layer]`. */
 export type MomentDrawn = [k: number, poses: [string, Pose][], map: string, layer: string];
 
-/** How far from ground truth a learned refiner was trained to begin, and how far the initial poses are. */
+/** How far from the ground truth a learned refiner was trained to start, and how far the initial poses are. */
 export interface RefinerRange {
   deg: number;
   /** For an object of this size. */
@@ -650,7 +650,7 @@ export interface RefinerRange {
   starts: [number, number][];
 }
 
-/** What came of all objects together. */
+/** The outcome of all objects together. */
 export interface JudgedScene {
   tone: "doubt" | "none" | "right" | "unknown" | "wrong";
   words: string;
