@@ -175,7 +175,7 @@ class RunMessage(Message, frozen=True):
     total: int
     over: bool
     missing: str
-    """What a recording lacks, in words; "" where it is whole."""
+    """What the recording lacks, in words; "" where it is complete."""
     rows: Sequence[IterationRow]
     start: Mapping[int, Sequence[InitialPose]] | None
     """Initial poses by object, where they or their scores differ from the oldest branch's."""
