@@ -51,8 +51,9 @@ FOLDER = "the folder of a batch"
 
 
 class BatchRuns(Mapping[str, Run]):
-    """The runs of a batch by frame, "scene/image"; each is read when it is asked for. In a folder of nothing but run
-    files, runs are named after the files, without the ending.
+    """The runs of a batch by frame, "scene/image"; each is read when it is asked for.
+
+    In a folder of nothing but run files, runs are named after the files, without the ending.
     """
 
     def __init__(self, index: BatchIndex) -> None:

@@ -1,5 +1,6 @@
-"""Parts of your own: registered under a name for settings, or handed over in place of a name. An exception or invalid
-answer of such a part becomes one line that names the part. It may write into its arguments.
+"""Parts of your own: registered under a name for settings, or handed over in place of a name.
+
+An exception or invalid answer of such a part becomes one line that names the part. It may write into its arguments.
 """
 
 from __future__ import annotations
@@ -172,8 +173,9 @@ def with_parts(sections: Mapping[str, Any], **given: Any) -> dict[str, Any]:
 
 
 def named_parts(sections: Mapping[str, Any]) -> tuple[dict[str, Any], OwnParts]:
-    """The sections with names in place of parts, and the checked parts by these names. A part is named after its class.
-    Pages of this process find the last part of each name, too.
+    """The sections with names in place of parts, and the checked parts by these names.
+
+    A part is named after its class. Pages of this process find the last part of each name, too.
 
     Raises:
         InputError: an object given as a part is not one, or its class has the name of a part of this package.

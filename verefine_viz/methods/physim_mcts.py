@@ -80,8 +80,9 @@ def overlaps(target: Target, Ts_cam_obj: Float) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class SearchState(FrameState):
-    """State of the search in a frame. Its problem has one hypothesis per object more than the given one:
-    ``REFINED_BEST``.
+    """State of the search in a frame.
+
+    Its problem has one hypothesis per object more than the given one: ``REFINED_BEST``.
     """
 
     searches: tuple[Search | None, ...] = ()

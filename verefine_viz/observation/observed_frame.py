@@ -28,8 +28,9 @@ def observe(
     R_world_cam: Float | None = None,
     T_map_cam: Float | None = None,
 ) -> Observation:
-    """The normals, union of the masks, support plane and gravity of one frame. A frame without a plane is no error: its
-    ``support`` is None and ``support_note`` gives the reason.
+    """The normals, union of the masks, support plane and gravity of one frame.
+
+    A frame without a plane is no error: its ``support`` is None and ``support_note`` gives the reason.
 
     Args:
         camera: intrinsics.

@@ -1,6 +1,8 @@
 """The surroundings as the depth image shows them: what lies outside the objects' masks is fixed, and supports and stops
-the objects. A body that stands alone on the support and has no model becomes an unknown object; the rest becomes
-surfaces (``support_surfaces.py``) and, where it rises from them, small convex solids. docs/methods.md 7.4.
+the objects.
+
+A body that stands alone on the support and has no model becomes an unknown object; the rest becomes surfaces
+(``support_surfaces.py``) and, where it rises from them, small convex solids. docs/methods.md 7.4.
 """
 
 from __future__ import annotations

@@ -93,8 +93,9 @@ class Checks:
 
 
 class Workspace:
-    """The open session. Opening builds everything first and then switches, so a failure changes nothing. Nor does
-    cancelling: ``core.errors.Cancelled`` is raised before the switch.
+    """The open session. Opening builds everything first and then switches, so a failure changes nothing.
+
+    Nor does cancelling: ``core.errors.Cancelled`` is raised before the switch.
 
     Args:
         session: what to open first.
@@ -319,9 +320,10 @@ class Workspace:
     # Branches
 
     def restart(self, branch: Branch, settings: Settings) -> None:
-        """Begin again before iteration 1, with the final settings of a branch and the given changes. Other branches,
-        edited poses and settings changed on the way are discarded. Other data (``data.*``) or initial poses
-        (``hypotheses.*``) open the session again.
+        """Begin again before iteration 1, with the final settings of a branch and the given changes.
+
+        Other branches, edited poses and settings changed on the way are discarded. Other data (``data.*``) or initial
+        poses (``hypotheses.*``) open the session again.
         """
         new, old = group_by_section(settings), branch.tools
         ended = [change.settings for change in sorted_changes(branch.changes)]
@@ -349,6 +351,7 @@ class Workspace:
 
     def estimate(self, branch: Branch, instance_id: int, estimator: str, name: str) -> Branch:
         """Begin a new branch in which an estimator, or the session ("session"), gives the initial poses of one object.
+
         The frame's other branches stay; other frames start again with their own initial poses.
         """
         before = dict(self.branches)
@@ -363,8 +366,9 @@ class Workspace:
         return new
 
     def fork(self, old: Branch, k: int, settings: Settings, edit: tuple[int, int, Float] | None = None) -> Branch:
-        """Fork a branch off another after iteration ``k``. It goes on with the final settings of the other, changed by
-        ``settings``.
+        """Fork a branch off another after iteration ``k``.
+
+        It goes on with the final settings of the other, changed by ``settings``.
         """
         nested = group_by_section(settings)
         # The settings of a session that was read may change on the way.
@@ -385,8 +389,9 @@ class Workspace:
 
     def refine(self, old: Branch, k: int, instance_id: int, T_cam_obj: Float, name: str) -> Branch:
         """Begin a branch in which a pose is the only hypothesis of its object, with the final settings of ``old``;
-        objects that were worked on up to iteration ``k`` begin where they stand. A method that repeats recorded steps
-        has none for the pose, so SIR replaces it.
+        objects that were worked on up to iteration ``k`` begin where they stand.
+
+        A method that repeats recorded steps has none for the pose, so SIR replaces it.
         """
         problem, ended = old.run.problem, [change.settings for change in sorted_changes(old.changes)]
         here = starts_after(old.run, k, instance_id, T_cam_obj)

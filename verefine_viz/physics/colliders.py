@@ -208,8 +208,10 @@ def _surface(mesh: trimesh.Trimesh) -> Float:
 
 
 def _fills(mesh: trimesh.Trimesh, hull_m3: float) -> bool:
-    """Whether a mesh fills its hull but for ``FULL_ENOUGH``. Only a closed, consistently wound mesh in one part has a
-    reliable volume: where parts overlap, the overlap counts twice.
+    """Whether a mesh fills its hull but for ``FULL_ENOUGH``.
+
+    Only a closed, consistently wound mesh in one part has a reliable volume: where parts overlap, the overlap counts
+    twice.
     """
     has_volume = bool(mesh.is_volume) and mesh.body_count == 1
     return has_volume and abs(float(mesh.volume) / hull_m3 - 1) <= FULL_ENOUGH

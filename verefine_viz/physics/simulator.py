@@ -71,8 +71,9 @@ class BulletSimulator:
         """Ground of the last call, usually needed by the next one, too."""
 
     def collider(self, model: ObjectModel, progress: ProgressToken | None = None) -> Collider:
-        """The collider of ``model``; built at its first use, which may take seconds. Several may be built on as many
-        threads, each with a ``progress`` of its own.
+        """The collider of ``model``; built at its first use, which may take seconds.
+
+        Several may be built on as many threads, each with a ``progress`` of its own.
 
         Raises:
             ShapeError: the mesh has no volume.

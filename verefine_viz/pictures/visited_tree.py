@@ -1,4 +1,5 @@
 """The search tree that the records of PHYSIM-MCTS describe, with the visits and costs that page and recordings show.
+
 They draw it differently: the page folds it into layers of boxes, a recording shows every node in a graph view.
 """
 

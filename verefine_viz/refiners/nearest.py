@@ -270,8 +270,9 @@ def _unbeaten(points: np.ndarray, own: np.ndarray, squared: np.ndarray, n: int, 
 
 
 class Leaves(NamedTuple):
-    """The cloud, halved repeatedly into leaves of a few points, for queries that may lie anywhere. A query searches
-    only leaves whose box is near enough to hold the nearest point.
+    """The cloud, halved repeatedly into leaves of a few points, for queries that may lie anywhere.
+
+    A query searches only leaves whose box is near enough to hold the nearest point.
     """
 
     points: Float

@@ -217,8 +217,9 @@ def _hits(rows: Sequence[Answer], axes: Axes) -> Float:
 
 
 def stage_times(group: Group) -> dict[str, float]:
-    """Milliseconds per frame and stage, in the order of processing, the mean of the runs; empty = unknown. Iterations
-    are split into the parts that the rows hold: refining, simulating, scoring.
+    """Milliseconds per frame and stage, in the order of processing, the mean of the runs; empty = unknown.
+
+    Iterations are split into the parts that the rows hold: refining, simulating, scoring.
     """
     times = list[dict[str, float]]()
     for run in group.runs:

@@ -182,8 +182,9 @@ def seeds_of(run: BatchIndex) -> Seeds:
 
 
 def names(sessions: Sequence[Session]) -> list[str]:
-    """Short names by what differs among sessions, the method first; unique but for seeds. A setting is named only where
-    the names so far are equal.
+    """Short names by what differs among sessions, the method first; unique but for seeds.
+
+    A setting is named only where the names so far are equal.
     """
     flat = [_settings(session) for session in sessions]
     parts: list[tuple[str, ...]] = [()] * len(flat)

@@ -244,7 +244,9 @@ def _frames(
     progress: StepProgress,
 ) -> ShownFrames:
     """The worst frames as parts of the file, as ``verefine-viz share`` has them; of a good run the worst one, without
-    ground truth the most doubtful ones. ``beside`` more are written into ``folder``, a file each.
+    ground truth the most doubtful ones.
+
+    ``beside`` more are written into ``folder``, a file each.
     """
     entries = gallery.entries
     worst = [key for key in worst_first if entries[key].can_be_opened]

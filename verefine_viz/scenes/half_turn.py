@@ -1,5 +1,6 @@
-"""The half turn of an object that changes its shape least: it then lies where it lay, with its other side in front. In
-half of the trials of the paper's grasping experiment objects are turned so (Sec. V-D).
+"""The half turn of an object that changes its shape least: it then lies where it lay, with its other side in front.
+
+In half of the trials of the paper's grasping experiment objects are turned so (Sec. V-D).
 """
 
 from __future__ import annotations

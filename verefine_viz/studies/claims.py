@@ -1,6 +1,7 @@
-"""Evaluates the outcomes of a study: means with intervals, and whether the paper's claims hold. An interval covers
-other frames with other objects: both are drawn with replacement (evaluation/bootstrap.py). All errors and seeds of an
-object in a frame are drawn together: they are not further objects.
+"""Evaluates the outcomes of a study: means with intervals, and whether the paper's claims hold.
+
+An interval covers other frames with other objects: both are drawn with replacement (evaluation/bootstrap.py). All
+errors and seeds of an object in a frame are drawn together: they are not further objects.
 """
 
 from __future__ import annotations

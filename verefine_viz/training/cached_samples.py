@@ -1,7 +1,8 @@
-"""Samples for DenseFusion with precomputed colour features, in large batches. The colour branch takes nearly all of the
-time of a sample. Once it is trained, its features are computed once per sample, and the rest of PoseNet, and then
-PoseRefineNet, learn from them in batches of ``BATCH_SIZE`` that cost no more than a few samples did before. Same seed
-and step, same batches.
+"""Samples for DenseFusion with precomputed colour features, in large batches.
+
+The colour branch takes nearly all of the time of a sample. Once it is trained, its features are computed once per
+sample, and the rest of PoseNet, and then PoseRefineNet, learn from them in batches of ``BATCH_SIZE`` that cost no more
+than a few samples did before. Same seed and step, same batches.
 """
 
 # pyright: reportMissingImports=false

@@ -1,5 +1,6 @@
-"""Views of an object among others on a table, by a depth sensor and an imperfect detector. Same seed, same view. A view
-covers only the object's surroundings: a small image, with the principal point of a crop from a large one.
+"""Views of an object among others on a table, by a depth sensor and an imperfect detector. Same seed, same view.
+
+A view covers only the object's surroundings: a small image, with the principal point of a crop from a large one.
 """
 
 from __future__ import annotations
