@@ -42,12 +42,12 @@ MOST_PIXELS = 25_000_000
 MOST_SKEW_PX = 0.5
 LARGEST_UNIT_M = 1000.0
 NEAREST_M, FARTHEST_M = 0.005, 60.0
-"""Depth beyond the second counts as not measured; a median beyond either is no depth in metres."""
+"""Depth beyond the second counts as not measured; depth whose median is beyond either is not in metres."""
 Poses = ArrayLike | Mapping[str, ArrayLike] | None
 
 
 def checked_camera(K: ArrayLike, shape: tuple[int, ...]) -> Camera:
-    """The camera of images of ``shape``; InputError or ShapeError where K is no pinhole camera's matrix [px]."""
+    """The camera of images of ``shape``; InputError or ShapeError where K is not a pinhole camera's matrix [px]."""
     matrix = finite(K, "K", (3, 3))
     if abs(matrix[0, 1]) > MOST_SKEW_PX:
         raise ShapeError(
@@ -121,7 +121,7 @@ def checked_object(
         The object, with notes about invalid poses that are left out, and about rounded rotations.
 
     Raises:
-        InputError: the mesh cannot be read, or what is given does not fit together.
+        InputError: the mesh cannot be read, or the arguments do not fit together.
         ShapeError: an array has the wrong shape, or no pose is valid.
     """
     name = checked_name(name, "name of an object")
@@ -296,7 +296,7 @@ def _check_seen(T_cam_obj: Float, mesh: Mesh, camera: Camera, name: str) -> None
 
 
 def _check_true(T_cam_obj: Float, mesh: Mesh, covered: Float, name: str) -> None:
-    # To the nearest measured point: of the others some may lie on something else.
+    # To the nearest measured point, as some of the others may lie on another thing.
     middle = apply(T_cam_obj, mesh.vertices_m).mean(axis=0)
     nearest_m = float(np.linalg.norm(covered - middle, axis=1).min())
     if nearest_m <= mesh.diameter_m:

@@ -25,7 +25,7 @@ class PicturedAnswer(Answer, frozen=True, eq=False, kw_only=True, dict=True):
 
 
 def pictured(answer: Answer, draw: Draw) -> PicturedAnswer:
-    """The answer with what draws it once a notebook asks for it."""
+    """The answer with the function that draws it once a notebook asks for it."""
     shown = PicturedAnswer(**{name: getattr(answer, name) for name in Answer.__struct_fields__})
     vars(shown)["draw"] = draw
     return shown

@@ -47,7 +47,7 @@ def score(
         Columns of N scores in [0, 1], their depth and normal fit, and counts of pixels.
 
     Raises:
-        InputError: the frame has no such object, or a pose is none.
+        InputError: the frame has no such object, or a pose is invalid.
         SettingsError: a setting is unknown or out of range.
     """
     tools, target = _object(frame, name, with_parts(sections, verifier=verifier))
@@ -94,7 +94,7 @@ def refine(
         The refined poses [m], of the shape of ``poses``.
 
     Raises:
-        InputError: the frame has no such object, or a pose is none.
+        InputError: the frame has no such object, or a pose is invalid.
         SettingsError: there is no such refiner or setting.
     """
     given = checked_poses(poses)

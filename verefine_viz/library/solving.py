@@ -98,7 +98,7 @@ class _Solving:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        # Those of the camera as well, as on the page.
+        # Doubts about the camera, too, as on the page.
         return texts_of(data_doubts(self.engine.problem)) or self.end.doubts
 
     def iteration(self, k: int) -> Iteration:
@@ -236,7 +236,7 @@ class Run(Mapping[str | int, Answer]):
         return self._of.session
 
     def finish(self) -> Run:
-        """Make all iterations that are left; returns the run itself.
+        """Make all remaining iterations; returns the run itself.
 
         Raises:
             InputError: the run was read from a file that ends early.
@@ -258,7 +258,7 @@ class Run(Mapping[str | int, Answer]):
 
     @cached_property
     def answers(self) -> tuple[Answer, ...]:
-        """The answer about each object of the frame, those that could not be solved last; finishes the run."""
+        """The answer about each object of the frame, unsolvable ones last; finishes the run."""
         return self._pictured
 
     @cached_property
@@ -312,7 +312,7 @@ class Run(Mapping[str | int, Answer]):
         return tuple(own for _, own in self._of.objects if own is not None)
 
     def _place(self, name: str | int) -> int:
-        """The number of the answer about an object."""
+        """The index of the answer about an object."""
         objects = self._of.objects
         if isinstance(name, Integral) and not isinstance(name, bool):
             if name not in self._ids:
@@ -328,8 +328,8 @@ class Run(Mapping[str | int, Answer]):
         return places[0]
 
     def allowed(self, name: str | int) -> AllowedPoses:
-        """The poses that the image allows beside the answer about an object: intervals of shifts and turns
-        (``extents``), poses elsewhere that fit as well (``alike``); finishes the run.
+        """The poses that the image allows besides the answer about an object: intervals of shifts and turns
+        (``extents``), distant poses that fit as well (``alike``); finishes the run.
 
         Args:
             name: as in ``run[name]``.
@@ -360,11 +360,11 @@ class Run(Mapping[str | int, Answer]):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Doubts about the frame's data: what does not fit together, and what would; finishes the run."""
+        """Doubts about the frame's data: what does not fit together, and what would fit; finishes the run."""
         return self._of.doubts
 
     def record(self) -> RunRecord:
-        """The run so far, as it is written to a file."""
+        """The record of the run so far, as it would be written to a file."""
         return self._of.record()
 
     def save(self, path: Path | str) -> Path:
@@ -431,7 +431,7 @@ class Run(Mapping[str | int, Answer]):
     def diagnose(self) -> dict[str | int, Diagnosis]:
         """Why each failed answer failed, by the object's name, or by its instance_id where several have one name.
 
-        It finishes the run and re-runs it without each cause.
+        Finishes the run, and re-runs it without each possible cause.
 
         Returns:
             An entry for each object whose ADD(-S) is not below 10 % of its diameter; none without ground truth.
@@ -477,13 +477,13 @@ def step(
 
     Args:
         frame: what is solved.
-        method: refine, pir, sir, rir, vf_breadth, vf_depth, … (an unknown name lists them), or the section of the
-            method, as {"name": "rir", "iterations": 10, "seed": 3}.
-        refiner: icp, depth_net, …; one of your own, by its name or itself; "" = the default.
+        method: refine, pir, sir, rir, vf_breadth, vf_depth, … (an unknown name lists them), or the method's section,
+            such as {"name": "rir", "iterations": 10, "seed": 3}.
+        refiner: icp, depth_net, …, or your own, by name or as an object; "" = the default.
         preset: recommended, paper, published; "" = recommended.
-        verifier: one of your own in place of Eq. 1, by its name or itself.
-        simulator: one of your own in place of Bullet, by its name or itself.
-        estimator: what makes the initial poses: ppf, pcs, or one of your own, by its name or itself; "" = those of the
+        verifier: your own in place of Eq. 1, by name or as an object.
+        simulator: your own in place of Bullet, by name or as an object.
+        estimator: what makes the initial poses: ppf, pcs, or your own, by name or as an object; "" = those of the
             frame.
         sections: other settings, each section a dict as in a session file: ``score={"tau_m": 0.01}``.
 
@@ -495,7 +495,7 @@ def step(
 
     Raises:
         SettingsError: a setting is unknown or out of range.
-        InputError: nothing can be solved in the frame.
+        InputError: the frame has nothing to solve.
     """
     given = {"name": method} if isinstance(method, str) else method
     given = checked_mapping(given, "method", 'its name, or its section as {"name": "rir", …}')
@@ -519,13 +519,13 @@ def solve(
 
     Args:
         frame: what is solved.
-        method: refine, pir, sir, rir, vf_breadth, vf_depth, … (an unknown name lists them), or the section of the
-            method, as {"name": "rir", "iterations": 10, "seed": 3}.
-        refiner: icp, depth_net, …; one of your own, by its name or itself; "" = the default.
+        method: refine, pir, sir, rir, vf_breadth, vf_depth, … (an unknown name lists them), or the method's section,
+            such as {"name": "rir", "iterations": 10, "seed": 3}.
+        refiner: icp, depth_net, …, or your own, by name or as an object; "" = the default.
         preset: recommended, paper, published; "" = recommended.
-        verifier: one of your own in place of Eq. 1, by its name or itself.
-        simulator: one of your own in place of Bullet, by its name or itself.
-        estimator: what makes the initial poses: ppf, pcs, or one of your own, by its name or itself; "" = those of the
+        verifier: your own in place of Eq. 1, by name or as an object.
+        simulator: your own in place of Bullet, by name or as an object.
+        estimator: what makes the initial poses: ppf, pcs, or your own, by name or as an object; "" = those of the
             frame.
         sections: other settings, each section a dict as in a session file: ``score={"tau_m": 0.01}``.
 
@@ -536,7 +536,7 @@ def solve(
 
     Raises:
         SettingsError: a setting is unknown or out of range.
-        InputError: nothing can be solved in the frame.
+        InputError: the frame has nothing to solve.
     """
     return step(frame, method, refiner, preset, verifier, simulator, estimator, **sections).finish()
 

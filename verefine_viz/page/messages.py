@@ -62,7 +62,7 @@ class RunningMessage(Message, frozen=True):
     """The branches that are being computed."""
 
     branch: int | None
-    """Whose turn it is."""
+    """The branch whose turn it is."""
     branches: Sequence[int]
     stopped: str
     """The breakpoint at which a run stopped last."""
@@ -76,7 +76,7 @@ class DoubtsMessage(Message, frozen=True):
 
 
 class NoteMessage(Message, frozen=True):
-    """A few words."""
+    """A short message."""
 
     text: str
 
@@ -122,7 +122,7 @@ class PickedMessage(Message, frozen=True):
 
 
 class Scene3DMessage(Message, frozen=True):
-    """Which window the 3D view follows."""
+    """The window that the 3D view follows."""
 
     window: int | None
 

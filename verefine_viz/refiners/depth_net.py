@@ -86,7 +86,7 @@ class DepthNet:
 
     @property
     def trained_range(self) -> TrainedRange | None:
-        """As the model card of the weights has it."""
+        """Trained range, from the model card of the weights."""
         return self._network.card.trained_range
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
@@ -153,8 +153,8 @@ class DepthNetIcp:
     """The network first, then ICP with the tight gate throughout, which cannot undo what the network achieved.
 
     Args:
-        net: what goes first.
-        icp: settings of what follows, but for the gate.
+        net: the network.
+        icp: settings of the ICP that follows, except its gate.
     """
 
     def __init__(self, net: DepthNet, icp: IcpSettings) -> None:

@@ -1,7 +1,7 @@
 """Iterative closest points: the paper's refiner for point pair features (Sec. V). docs/methods.md 4.1.
 
-The observed cloud is the source and the model's cloud the target, so that what the sensor did not see of the model
-does not pull. It runs in the model's frame: the observed points are moved there, and one index of nearest points per
+The observed cloud is the source and the model's cloud the target, so that parts of the model that the sensor did not
+see do not pull. It runs in the model's frame: the observed points are moved there, and one index of nearest points per
 model serves all poses.
 
 The default gate starts at half of the observed cloud's largest extent and shrinks, by the same factor each iteration,

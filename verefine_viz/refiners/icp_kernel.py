@@ -172,7 +172,7 @@ def point_step(
     ox, oy, oz = points[match[0], 0], points[match[0], 1], points[match[0], 2]
     ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    n_matches = 0  # Handed over, numba would compile all of this twice: for a number, and for the 0 it starts from.
+    n_matches = 0  # As an argument, it would make numba compile this twice: for a float, and for the initial 0.
     for i in range(len(moved)):
         if used[i]:
             n_matches += 1

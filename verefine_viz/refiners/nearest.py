@@ -187,7 +187,7 @@ def _fill(points: np.ndarray, low: np.ndarray, side: float, counts: np.ndarray) 
                             n = _unbeaten(points, of_cell, squared, n, side)
                             if used + n > len(pool):
                                 larger = np.empty(2 * (used + n), dtype=np.int32)
-                                for k in range(used):  # A slice compiles seconds longer, for words of an error.
+                                for k in range(used):  # A slice adds seconds of compilation, for an error message.
                                     larger[k] = pool[k]
                                 pool = larger
                             cell = (cx * ny + cy) * nz + cz

@@ -55,7 +55,7 @@ def read_color(path: Path) -> NDArray[np.uint8]:
     """RGB (H, W, 3) of a colour or grey image of 8 or 16 bits.
 
     Raises:
-        InputError: missing, damaged, or no image.
+        InputError: missing, damaged, or not an image.
     """
     image = _read(path)
     if image.mode.startswith("I") or image.mode == "F":
@@ -176,7 +176,7 @@ def image_width(path: Path) -> int:
     """The width that an image's header states [px].
 
     Raises:
-        InputError: missing, damaged, or no image.
+        InputError: missing, damaged, or not an image.
     """
     if path.suffix.lower() == ".npy":
         return _read(path).width

@@ -690,7 +690,7 @@ export interface BusyMessage {
 /** The branches that are being computed. */
 export interface RunningMessage {
   t: "running";
-  /** Whose turn it is. */
+  /** The branch whose turn it is. */
   branch: number | null;
   branches: number[];
   /** The breakpoint at which a run stopped last. */
@@ -698,7 +698,7 @@ export interface RunningMessage {
   remaining_s: number | null;
 }
 
-/** A few words. */
+/** A short message. */
 export interface NoteMessage {
   t: "note";
   text: string;
@@ -1180,7 +1180,7 @@ export interface PickedMessage {
   v: number;
 }
 
-/** Which window the 3D view follows. */
+/** The window that the 3D view follows. */
 export interface Scene3DMessage {
   t: "scene3d";
   window: number | null;
