@@ -243,7 +243,7 @@ def cause_counts(group: Group) -> Counter[str]:
 
 
 def object_numbers(comparison: GroupComparison) -> list[ObjectNumbers]:
-    """Each object model: its numbers in each group, None where a group does not have it."""
+    """The numbers of each object model in each group, None where a group does not have it."""
     rows = list[ObjectNumbers]()
     for obj_id, place in comparison.axes.models.items():
         cells = [_object_cell(line, obj_id, place) for line in comparison.lines]

@@ -67,7 +67,7 @@ class Group:
     def failures(self) -> tuple[Answer, ...]:
         """Objects whose answer is wrong or missing, worst first; without any ground truth all objects, by score.
 
-        Only those that were asked for: what is left out or in a failed frame is no failure of the method.
+        Only objects that were asked for: one left out or in a failed frame is no failure of the method.
         """
         worst_first = [row for row in sorted(self.rows, key=sort_key("error")) if row.was_asked_for]
         if not self.with_truth:

@@ -130,12 +130,12 @@ def write_report(
     Args:
         folders: of batches.
         path: the HTML file.
-        tools: what works out and draws.
+        tools: functions that compute and draw.
         as_named: whether the user named these runs, one or two; else those that are not finished are left out.
         embed: frames with a wrong answer that can be opened in the file, the worst first.
         beside: this many more get a file of their own, in a folder beside the report.
         pictures: answers that have a picture, the worst first.
-        progress: what is being done.
+        progress: shows what is being done.
         fix: remedies that were tried on the runs.
 
     Raises:
@@ -256,7 +256,7 @@ def _frames(
     frames: dict[tuple[str, str, str, int | None], list[int]] = {}
     for key in wrong:
         row = entries[key].row
-        # Several runs may have the frame, or a folder of run files several of it.
+        # Several runs may have the frame, or a folder may hold several run files of it.
         frames.setdefault((entries[key].run, row.frame, row.method, row.seed), []).append(key)
     shown = ShownFrames()
     for done, ((run, frame, *_), keys) in enumerate(list(frames.items())[: embed + beside]):

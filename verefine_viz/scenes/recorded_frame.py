@@ -241,7 +241,7 @@ def pose_in(path: Path) -> Float:
 
     Raises:
         InputError: it is none.
-        ShapeError: it is no rigid transform, or not in metres.
+        ShapeError: it is not a rigid transform, or not in metres.
     """
     values = numbers_in(path)
     if values.size not in (12, 16):
