@@ -46,14 +46,14 @@ if TYPE_CHECKING:
     from verefine_viz.report.write_report import Report
 
 MOST_EMBEDDED, MOST_PICTURES = 200, 10_000
-"""Largest numbers that a report takes: up to 600 MB of frames, and 80 MB of pictures."""
+"""The largest numbers that a report takes: they come to 600 MB of frames, and 80 MB of pictures."""
 FOLDER = "the folder of a batch"
 
 
 class BatchRuns(Mapping[str, Run]):
-    """The runs of a batch by their frames, "scene/image"; each is read when it is asked for.
+    """The runs of a batch by frame, "scene/image"; each is read when it is asked for.
 
-    Those of a folder of nothing but run files go by the names of the files, without their ending.
+    In a folder of nothing but run files, runs are named after the files, without the ending.
     """
 
     def __init__(self, index: BatchIndex) -> None:
@@ -80,7 +80,7 @@ class BatchRuns(Mapping[str, Run]):
 
 
 def _files(index: BatchIndex) -> dict[str, Path]:
-    """The run file of each frame, or by its name."""
+    """The run file of each frame; in a folder of run files, each file by its name."""
     if not (index.folder / RUN_FILE).is_file():
         return {path.stem: path for path in sorted(index.folder.glob(f"*{SUFFIX}"))}
     runs = Runs(index.folder / "runs")
@@ -88,7 +88,7 @@ def _files(index: BatchIndex) -> dict[str, Path]:
 
 
 class Batch(os.PathLike[str]):
-    """The results of a batch; :func:`batch` and :func:`open_batch` make them. As a path it is its folder.
+    """The results of a batch; :func:`batch` and :func:`open_batch` make them. ``os.fspath`` gives its folder.
 
     Args:
         index: what is in the folder.
@@ -101,17 +101,17 @@ class Batch(os.PathLike[str]):
 
     @property
     def folder(self) -> Path:
-        """Where it is: tables, run files, recordings, ``session.toml``."""
+        """The folder with its tables, run files, recordings and ``session.toml``."""
         return self._index.folder
 
     @property
     def session(self) -> Session:
-        """The settings that ran, each explicit."""
+        """The settings that it ran with, all of them explicit."""
         return self._index.session
 
     @cached_property
     def answers(self) -> tuple[Answer, ...]:
-        """The answer about each object, frame by frame; one without an object where a frame failed."""
+        """The answer about each object, frame by frame; a frame that failed may have one that names no object."""
         return tuple(pictured(answer, self._picture) for answer in self._index.rows)
 
     @property
@@ -159,7 +159,7 @@ def open_batch(folder: Path | str | os.PathLike[str]) -> Batch:
         ``answers`` of all objects, ``failures`` among them, ``runs`` by frame, ``to_frame()`` for a table.
 
     Raises:
-        InputError: it is no such folder, or a file in it is missing or damaged.
+        InputError: the folder is no batch, or a file in it is missing or damaged.
     """
     return Batch(read_batch(batch_of(checked_path(folder, "folder", FOLDER))))
 
@@ -181,18 +181,18 @@ def batch(
 ) -> Batch:
     """Solve many frames into a folder, as ``verefine-viz batch`` does.
 
-    Stopped or killed, the same call goes on where it was; where nothing is left to do, it opens what is there. Frames
-    of arrays are written as traces into a folder beside ``out``, called as it with ``-frames``, and ``out`` must be
-    new.
+    After a stop or kill, the same call goes on where it ended; where nothing is left to do, it opens the results.
+    Frames of arrays are written as traces into a folder beside ``out``, named like it with ``-frames`` appended;
+    ``out`` must then be new.
 
     Args:
         what: what ``verefine-viz view`` opens (a data set, a session, traces, …), the name of a built-in scene, or
             frames.
         out: the folder of the results.
-        workers: processes that solve frames; 1 = this one. In a script, more than one stand below
-            ``if __name__ == "__main__":``.
+        workers: processes that solve frames; 1 = this one. In a script, a call with more than one belongs below ``if
+            __name__ == "__main__":``.
         method: its name, or its section; None = that of the session.
-        refiner: icp, depth_net, …; one of your own, by its name or, with one worker, itself; "" = the default.
+        refiner: icp, depth_net, …; or your own, by name or, with one worker, as an object; "" = the default.
         preset: recommended, paper, published; "" = recommended.
         verifier: one of your own in place of Eq. 1.
         simulator: one of your own in place of Bullet.
@@ -237,7 +237,7 @@ def batch(
 
 @contextmanager
 def _shown(folder: Path, is_shown: bool) -> Iterator[Callable[[BatchStatus], None]]:
-    """What a batch reports to."""
+    """Where a batch reports its progress."""
     if not is_shown:
         yield lambda _: None
         return

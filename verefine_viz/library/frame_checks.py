@@ -1,4 +1,4 @@
-"""Checks of arrays that become a frame: shapes, units, and whether what is given fits together."""
+"""Checks of arrays that become a frame: their shapes and units, and whether they fit together."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ from verefine_viz.scenes.recorded_frame import RecordedObject
 from verefine_viz.trace import MESH
 
 TOO_LARGE, TOO_SMALL = 30.0, 5.0
-"""So many times as large, or as small, as what its mask covers a mesh must have a wrong unit. A mask may show a small
-part of an object, but not much more than the object."""
+"""A mesh larger, or smaller, than the area under its mask by this factor must have a wrong unit. A mask may show a
+small part of an object, but not much more than the object."""
 LEAST_SEEN_M = 0.002
-"""What a mask of a few pixels counts as covering."""
+"""The least that a mask counts as covering, however few its pixels."""
 UNITS_M = (0.001, 0.01, 0.0254, 1.0)
 """Units of mesh files: millimetres, centimetres, inches, metres."""
 WHOLE = 0.9
-"""Share of the image that no mask of one object covers."""
+"""Share of the image beyond which a mask is not that of one object."""
 TOO_FAR = 30.0
-"""So many times as far away as its mask a pose must have a wrong unit."""
+"""A pose farther away than its mask by this factor must have a wrong unit."""
 MOST_PIXELS = 25_000_000
-"""No depth sensor has more; what is worked out for each takes hundreds of bytes."""
+"""No depth sensor has more pixels; computing takes hundreds of bytes for each."""
 MOST_SKEW_PX = 0.5
 LARGEST_UNIT_M = 1000.0
 NEAREST_M, FARTHEST_M = 0.005, 60.0
-"""Depth beyond the second counts as not measured; a median beyond either is no depth in metres."""
+"""Depth beyond the second counts as not measured; depth whose median is beyond either is not in metres."""
 Poses = ArrayLike | Mapping[str, ArrayLike] | None
 
 
 def checked_camera(K: ArrayLike, shape: tuple[int, ...]) -> Camera:
-    """The camera of images of ``shape``; InputError or ShapeError where K is no pinhole camera's matrix [px]."""
+    """The camera of images of ``shape``; InputError or ShapeError where K is not a pinhole camera's matrix [px]."""
     matrix = finite(K, "K", (3, 3))
     if abs(matrix[0, 1]) > MOST_SKEW_PX:
         raise ShapeError(
@@ -58,7 +58,7 @@ def checked_camera(K: ArrayLike, shape: tuple[int, ...]) -> Camera:
 
 
 def as_array(given: ArrayLike, name: str) -> NDArray[Any]:
-    """An array of real numbers, of any shape; ShapeError where it is none."""
+    """An array of real numbers, of any shape; ShapeError where it is not one."""
     try:
         array = np.asarray(given)
     except (TypeError, ValueError, OverflowError):
@@ -69,7 +69,7 @@ def as_array(given: ArrayLike, name: str) -> NDArray[Any]:
 
 
 def direction(given: ArrayLike, name: str) -> Float:
-    """A direction (3,) of any length; ShapeError where it is none."""
+    """A direction (3,) of any length; ShapeError where it is not one."""
     vector = finite(given, name, (3,))
     if not vector.any():
         raise ShapeError(f"{name} is 0, expected a direction")
@@ -77,7 +77,7 @@ def direction(given: ArrayLike, name: str) -> Float:
 
 
 def checked_depth(depth_m: ArrayLike) -> NDArray[np.float32]:
-    """Depth (H, W) [m], 0 where nothing was measured; ShapeError where it is none, or not in metres."""
+    """Depth (H, W) [m], 0 where nothing was measured; ShapeError where it is no depth, or not in metres."""
     given = depth_m if isinstance(depth_m, np.ndarray) else np.asarray(depth_m, dtype=object)
     if given.size > MOST_PIXELS:
         raise ShapeError(f"depth_m is of {given.size / 1e6:.0f} megapixels, expected at most {MOST_PIXELS / 1e6:.0f}")
@@ -96,7 +96,7 @@ def checked_depth(depth_m: ArrayLike) -> NDArray[np.float32]:
 
 
 def checked_photo(rgb: ArrayLike, shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """A colour image (H, W, 3); ShapeError where it is none of ``shape``."""
+    """A colour image (H, W, 3); ShapeError where it is not one of ``shape``."""
     photo = as_array(rgb, "rgb")
     if photo.dtype != np.uint8:
         raise ShapeError(f"rgb is of {photo.dtype}, expected uint8, 0 to 255")
@@ -118,11 +118,11 @@ def checked_object(
     """An object of a frame, checked against the measured points (H, W, 3) [m], 0 where nothing was measured.
 
     Returns:
-        The object; and notes about poses that are left out as they are none, and about rounded rotations.
+        The object, with notes about invalid poses that are left out, and about rounded rotations.
 
     Raises:
-        InputError: the mesh cannot be read, or what is given does not fit together.
-        ShapeError: an array has another shape, or no pose is one.
+        InputError: the mesh cannot be read, or the arguments do not fit together.
+        ShapeError: an array has the wrong shape, or no pose is valid.
     """
     name = checked_name(name, "name of an object")
     is_file = isinstance(mesh, str | os.PathLike)
@@ -175,7 +175,7 @@ def _shape(mesh: Any, unit_m: float, name: str) -> Mesh:
 
 
 def _by_estimator(poses: Poses, name: str) -> Mapping[str, ArrayLike]:
-    """Poses by the name of what estimated them."""
+    """Poses by the name of their estimator."""
     if poses is None:
         return {}
     by_estimator = poses if isinstance(poses, Mapping) else {"given": poses}
@@ -229,7 +229,7 @@ def _check_size(diameter_m: float, covered: Float, mesh: str, unit_m: float, awa
 
 
 def _first_distance_m(*given: ArrayLike | None) -> float:
-    """How far away the first pose is that can be read [m]; 0 where there is none."""
+    """Distance of the first valid pose from the camera [m]; 0 where there is none."""
     for one in given:
         if one is None:
             continue
@@ -243,8 +243,8 @@ def _first_distance_m(*given: ArrayLike | None) -> float:
 def _poses(
     estimator: str, given: ArrayLike, where: str, covered: Float | None, faults: list[str], taken: list[Float]
 ) -> list[Float | None]:
-    """The poses of an estimator, None in place of one that is none, which is added to ``faults``; and to ``taken`` the
-    rotations of the others, as they are given.
+    """The poses of an estimator, None in place of an invalid one. Adds what is wrong with it to ``faults``, and the
+    given rotations of the others to ``taken``.
     """
     name = f"pose of {where} by {estimator}"
     array = as_array(given, name)
@@ -266,7 +266,7 @@ def _poses(
 
 
 def _near(T_cam_obj: ArrayLike, name: str, covered: Float | None) -> Float:
-    """A rigid transform, not as far away as one in millimetres would be."""
+    """A rigid transform, near enough to be in metres."""
     T = as_rigid(T_cam_obj, name)
     away_m = float(np.linalg.norm(T[:3, 3]))
     if covered is None:
@@ -280,7 +280,7 @@ def _near(T_cam_obj: ArrayLike, name: str, covered: Float | None) -> Float:
 
 
 def _check_seen(T_cam_obj: Float, mesh: Mesh, camera: Camera, name: str) -> None:
-    """An estimate may be wrong, but is of something in the image."""
+    """Even a wrong estimate is about something in the image."""
     points = apply(T_cam_obj, mesh.vertices_m)
     ahead = points[points[:, 2] > 0]
     if len(ahead) == 0:
@@ -296,7 +296,7 @@ def _check_seen(T_cam_obj: Float, mesh: Mesh, camera: Camera, name: str) -> None
 
 
 def _check_true(T_cam_obj: Float, mesh: Mesh, covered: Float, name: str) -> None:
-    # To the nearest measured point: of the others some may lie on something else.
+    # To the nearest measured point, as some of the others may lie on another thing.
     middle = apply(T_cam_obj, mesh.vertices_m).mean(axis=0)
     nearest_m = float(np.linalg.norm(covered - middle, axis=1).min())
     if nearest_m <= mesh.diameter_m:

@@ -59,11 +59,11 @@ class Frame:
         depth_m: (H, W) z [m]; 0, NaN or infinity where nothing was measured.
         rgb: (H, W, 3) uint8, or None.
         gravity_cam: (3,) direction in which things fall, in the camera's frame, of any length; None = along the normal
-            of the table that is seen.
+            of the table in the image.
         name: the name in titles and files.
 
     Raises:
-        InputError: an array has another shape or unit; one line says what was expected.
+        InputError: an array has the wrong shape or unit; one line says what was expected.
     """
 
     def __init__(
@@ -105,21 +105,21 @@ class Frame:
                 arrays (V, 3), (F, 3) and (V, 3) uint8.
             mask: (H, W) its visible pixels: all that is not 0; None = those that its first pose covers.
             poses: T_cam_obj [m], (4, 4) or (N, 4, 4) with the best first, or these by estimator; None = point pair
-                features make some when the frame is solved. Of a rounded rotation the nearest exact one is taken; one
-                of several that is no pose is left out, which is noted in the problem.
-            scores: (N,) scores of the poses by their estimator, in any unit; shown beside ours. None = unknown.
+                features make some when the frame is solved. A rounded rotation is replaced by the nearest exact one. An
+                invalid pose among several is left out, with a note in the problem.
+            scores: (N,) the estimator's scores of the poses, in any unit; shown beside our own. None = unknown.
             unit_m: metres per unit of the mesh: 0.001 for millimetres.
             T_cam_obj_gt: (4, 4) ground truth [m], where it is known.
             symmetry_axis: (3,) axis through the middle of the mesh's box about which every turn looks the same.
 
-        Several objects of one name are several instances of it, by their numbers.
+        Objects that share a name are instances of one model, and are addressed by their instance_id.
 
         Returns:
             The frame itself.
 
         Raises:
-            InputError: the mesh cannot be read, an array has another shape or unit, or no pose is one; one line says
-                what would fit.
+            InputError: the mesh cannot be read, an array has the wrong shape or unit, or no pose is valid; one line
+                says what would fit.
         """
         self._add(name, mesh, mask, poses, scores, unit_m, T_cam_obj_gt, symmetry_axis)
         return self
@@ -140,17 +140,17 @@ class Frame:
         masks: Mapping[str, ArrayLike] | None = None,
         poses: Mapping[str, ArrayLike | Mapping[str, ArrayLike]] | None = None,
     ) -> Frame:
-        """The next image of this camera with the same objects: what was prepared for these is kept.
+        """The next image of this camera with the same objects: what was prepared for them is reused.
 
         Args:
             depth_m: (H, W) z [m], as in the frame itself.
             rgb: (H, W, 3) uint8, or None.
             masks: (H, W) visible pixels by the object's name.
-            poses: initial poses by the object's name, as :meth:`add` takes them: the answers of the image before, say.
-                An object with neither a mask nor a pose is not in the image.
+            poses: initial poses by the object's name, as :meth:`add` takes them; the answers of the previous image, for
+                example. An object with neither a mask nor a pose counts as not in the image.
 
         Returns:
-            A frame; solved with the same settings it takes a fraction of the time of the first one.
+            A frame; with the same settings it is solved in a fraction of the first one's time.
 
         Raises:
             InputError: as :meth:`add`; or two objects of this frame have one name.
@@ -181,7 +181,7 @@ class Frame:
         return all(one.hypotheses for one in self._recorded.objects)
 
     def tools(self, sections: Mapping[str, Any]) -> tuple[Toolbox, str]:
-        """What solves the frame with settings by section, and the frame's id, "scene/image"."""
+        """The toolbox that solves the frame with settings by section, and the frame's id, "scene/image"."""
         sections, parts = taken(sections)
         if not self._recorded.objects:
             raise InputError(f"{self.name} has no object to solve; add one: frame.add(name, mesh, mask, poses)")
@@ -198,20 +198,20 @@ class Frame:
             sections: settings, each section a dict as in a session file: ``scene={"gravity": "plane"}``.
 
         Raises:
-            InputError: nothing can be solved in it.
+            InputError: the frame has nothing to solve.
             SettingsError: a setting is unknown or out of range.
         """
         tools, frame = self.tools(sections)
         return tools.problem(frame)
 
     def save(self, folder: Path | str) -> Path:
-        """Write the frame as a trace, which ``verefine-viz view FOLDER`` and :func:`open_frame` open with all its bits.
+        """Write the frame as a trace, which ``verefine-viz view FOLDER`` and :func:`open_frame` open bit for bit.
 
         Returns:
-            The folder; where it held a trace, the next free name.
+            The folder; the next free name where the given one already held a trace.
 
         Raises:
-            InputError: it holds something else, or cannot be written.
+            InputError: the folder holds something else, or cannot be written.
         """
         seen, folder = self._recorded, checked_path(folder, "folder", "the folder of the trace")
         if folder.is_dir() and not is_trace(folder) and any(folder.iterdir()):
@@ -238,8 +238,8 @@ class Frame:
             The frame's name there, as "1/17"; ``verefine-viz view FOLDER --scene.frames 1/17`` opens it alone.
 
         Raises:
-            InputError: a mesh is another one than its name had before, or the folder holds something else or cannot be
-                written.
+            InputError: a mesh differs from the one that the folder has under its name, or the folder holds something
+                else or cannot be written.
         """
         folder = checked_path(folder, "folder", "the folder of the data set")
         source = self.tools({})[0].source
@@ -250,7 +250,7 @@ class Frame:
 
 
 class _Kept:
-    """What the images of a live loop share: meshes, models, and the parts that were made for the last settings."""
+    """What the images of a live loop share: meshes, models, and the toolbox made for the last settings."""
 
     def __init__(self) -> None:
         self.models: KnownModels = {}
@@ -268,7 +268,7 @@ class _Kept:
         return self._meshes[key]
 
     def tools(self, session: Session, source: SceneSource, parts: OwnParts) -> Toolbox:
-        """What solves an image, with the parts of the last one where the settings are the same."""
+        """The toolbox for an image; it reuses the parts of the last one where the settings are the same."""
         last = self._last
         if last is None or last.session != session or parts:
             self._last = Toolbox(session, source=source, own=parts)
@@ -278,11 +278,11 @@ class _Kept:
         return self._last
 
     def __reduce__(self) -> tuple[type[_Kept], tuple[()]]:
-        return _Kept, ()  # What can be made again is not pickled with a frame.
+        return _Kept, ()  # Not pickled with a frame: all of it can be made again.
 
 
 def _by_name(given: Any, what: str, objects: Sequence[str]) -> Mapping[str, Any]:
-    """Masks or poses by the names of objects; InputError where one has another name, or two objects the same."""
+    """Masks or poses by the object's name; InputError where a name is unknown, or several objects share one."""
     by_name = checked_mapping({} if given is None else given, what, f"{what} by the object's name, or None")
     twice = next((name for name in objects if objects.count(name) > 1), None)
     if twice is not None:
@@ -321,7 +321,7 @@ class OpenedFrame:
         return tuple(target.model.name for target in self.problem().targets)
 
     def is_beside(self, other: OpenedFrame) -> bool:
-        """Whether it was opened from the same data as another frame, with the same settings.
+        """Whether both frames were opened from the same data with the same settings.
 
         Args:
             other: the other frame.
@@ -329,13 +329,13 @@ class OpenedFrame:
         return (self._path, self._settings) == (other._path, other._settings)
 
     def tools(self, sections: Mapping[str, Any]) -> tuple[Toolbox, str]:
-        """What solves the frame with settings by section, and the frame's id."""
+        """The toolbox that solves the frame with settings by section, and the frame's id."""
         sections, parts = taken(sections)
         own = self._settings
-        # The preset is a word, all else a section.
+        # Every setting is in a section, except the preset, which is a word.
         both = {name: {**own[name], **of} for name, of in sections.items() if name in own and isinstance(of, Mapping)}
         merged = {**own, **sections, **both}
-        # Settings of a run have every field.
+        # The settings of a run's session hold every field, so no files are needed.
         session = load_session(None, merged, "settings") if self._path is None else session_at(self._path, merged)
         is_same = all(merged.get(name) == self._settings.get(name) for name in ("scene", "hypotheses"))
         return Toolbox(session, source=self._source if is_same else None, own=self._parts | parts), self.name
@@ -344,7 +344,7 @@ class OpenedFrame:
         """The frame as methods get it: observation, models, instances with their initial poses.
 
         Args:
-            sections: settings, each section a dict as in a session file; they add to those it was opened with.
+            sections: settings, each section a dict as in a session file; they extend those the frame was opened with.
 
         Raises:
             VerefineError: the data or the settings cannot be used.
@@ -365,15 +365,15 @@ def check_frame(frame: object) -> None:
 
 
 _FIRST = tuple(dict.fromkeys(("method", "hypotheses", *Session.__struct_fields__)))
-"""Sections in the order in which a setting that several have is meant."""
+"""Sections in the order in which they are suggested for a setting that several have."""
 
 
 def taken(sections: Mapping[str, Any]) -> tuple[dict[str, Any], OwnParts]:
-    """Sections as settings files have them, and the parts that were given in place of names.
+    """The sections as in a settings file, and the user's own parts that were given in place of names.
 
     Raises:
-        SettingsError: a keyword is no section.
-        InputError: something stands for a part that is none.
+        SettingsError: a keyword is not a section.
+        InputError: an object given as a part is not one.
     """
     check_sections(sections)
     named, parts = named_parts(sections)
@@ -381,7 +381,7 @@ def taken(sections: Mapping[str, Any]) -> tuple[dict[str, Any], OwnParts]:
 
 
 def check_sections(sections: Mapping[str, Any]) -> None:
-    """Raise SettingsError where a keyword is no section of the settings; names the section that has such a field."""
+    """Raise SettingsError where a keyword is not a section of the settings; it names a section with such a field."""
     known, defaults = Session.__struct_fields__, Session()
     checked_mapping(sections, "sections", "settings by section, as in a session file")
     for name, fields in sections.items():
@@ -435,7 +435,7 @@ def open_dataset(path: Path | str, **sections: Unpack[Sections]) -> Iterator[Ope
 
 
 def _to_trace(mesh: Mesh, folder: Path) -> Path | tuple[Any, ...]:
-    """A mesh as a trace takes it, in metres; one with a texture as a file with its image beside it."""
+    """A mesh in metres as a trace takes it: arrays, or for a textured mesh a file with its image beside it."""
     if mesh.texture is None:
         return mesh.vertices_m, mesh.faces, mesh.vertex_colors
     path, image = folder / "mesh.ply", folder / "mesh.png"
@@ -446,7 +446,7 @@ def _to_trace(mesh: Mesh, folder: Path) -> Path | tuple[Any, ...]:
 
 
 def target_of(problem: Problem, name: str | int) -> Target:
-    """The target of an object's name, or of its instance_id; InputError where the frame has none, or several."""
+    """The target with an object's name or instance_id; InputError where the frame has none, or several."""
     if isinstance(name, Integral) and not isinstance(name, bool):
         return problem.target(int(name))
     checked_text(name, "name", "an object's name, or its instance_id")
@@ -462,10 +462,10 @@ def target_of(problem: Problem, name: str | int) -> Target:
 
 
 def session_at(path: Path | str, sections: Mapping[str, Any]) -> Session:
-    """The session of what lies at a path, or of a built-in scene.
+    """The session of the data at a path, or of a built-in scene.
 
     Raises:
-        InputError: it is a run, or a batch; says what opens those.
+        InputError: the path is a run or a batch; the error says what opens it.
         VerefineError: the data or the settings cannot be used.
     """
     folder = checked_path(path, "path", "what verefine-viz view opens, or the name of a built-in scene")
@@ -479,7 +479,7 @@ def session_at(path: Path | str, sections: Mapping[str, Any]) -> Session:
 
 
 class _InMemory:
-    """The recording of one frame of arrays; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
+    """A recording of one frame, made of arrays; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
 
     names, notes = ("frame",), ()
     is_sequence = False

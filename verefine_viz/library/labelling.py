@@ -45,7 +45,7 @@ def label(
         name: the object's name, or its instance_id; of an object that the frame does not list, its model's name or
             obj_id.
         T_start: (4, 4) the rough pose [m], within some 25° and 30 mm.
-        others: poses (4, 4) of other objects of the frame, by name or number: where they are, this one is not.
+        others: poses (4, 4) of other objects of the frame, by name or number: the object cannot be where they are.
         sections: settings: ``method={"refiner": "icp"}``.
 
     Returns:
@@ -53,7 +53,7 @@ def label(
         ``undetermined_mm`` and ``undetermined_deg``.
 
     Raises:
-        InputError: there is no such object, or a pose is none.
+        InputError: there is no such object, or a pose is invalid.
         SettingsError: a setting is unknown or out of range.
     """
     check_frame(frame)
@@ -68,9 +68,7 @@ def label(
 
 
 def _opened(tools: Toolbox, frame: str, name: str | int) -> tuple[Observation, Named]:
-    """The frame with the objects that are known in it; else, where it lists no such object, with all models of its
-    folder.
-    """
+    """The frame with the objects that it lists; where the named one is missing, with all models of its folder."""
     try:
         problem = tools.source.problem(frame)
         target_of(problem, name)

@@ -11,10 +11,10 @@ from verefine_viz.run.record import Answer
 
 WIDTH_PX = 240
 MOST_SHOWN = 12
-"""Answers of a run, or of a batch, that are shown with a picture."""
+"""The most answers of a run or batch that are shown with a picture."""
 _STYLE = "display: inline-block; margin: 0 12px 12px 0; vertical-align: top; width: {width}px; font-size: 12px"
 Draw = Callable[[Answer], bytes]
-"""Draws an answer, as WebP; empty where it cannot."""
+"""Draws an answer as WebP; empty bytes where that is impossible."""
 
 
 class PicturedAnswer(Answer, frozen=True, eq=False, kw_only=True, dict=True):
@@ -25,7 +25,7 @@ class PicturedAnswer(Answer, frozen=True, eq=False, kw_only=True, dict=True):
 
 
 def pictured(answer: Answer, draw: Draw) -> PicturedAnswer:
-    """The answer with what draws it once a notebook asks for it."""
+    """The answer with the function that draws it once a notebook asks for it."""
     shown = PicturedAnswer(**{name: getattr(answer, name) for name in Answer.__struct_fields__})
     vars(shown)["draw"] = draw
     return shown
@@ -42,7 +42,7 @@ def gallery(title: str, answers: Iterable[PicturedAnswer]) -> str:
 def _figure(answer: Answer, draw: Draw | None) -> str:
     try:
         image = b"" if draw is None else draw(answer)
-    except VerefineError:  # Its images may be gone: the words remain.
+    except VerefineError:  # The frame's images may be gone: the text is shown alone.
         image = b""
     url = f"data:image/webp;base64,{base64.b64encode(image).decode()}"
     picture = f'<img src="{url}" width="{WIDTH_PX}" alt="{escape(answer.name)}">' if image else ""

@@ -1,6 +1,6 @@
-"""Parts of your own: registered by a name that settings then take, or handed over where a name goes.
+"""Parts of your own: registered under a name for settings, or handed over in place of a name.
 
-What such a part raises, and an answer that is none, is one line that names the part. It may write into its arguments.
+An exception or invalid answer of such a part becomes one line that names the part. It may write into its arguments.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ E = TypeVar("E", bound=Callable[[], Estimator])
 V = TypeVar("V", bound=Callable[[], PoseScorer])
 S = TypeVar("S", bound=Callable[[], PoseSimulator])
 AnyRefiner: TypeAlias = str | Refiner | Callable[[], Refiner]
-"""The name of a refiner, one itself, or what makes one: its class, or a function."""
+"""A refiner's name, a refiner, or what makes one: its class, or a function."""
 AnyEstimator: TypeAlias = str | Estimator | Callable[[], Estimator]
 AnyVerifier: TypeAlias = str | PoseScorer | Callable[[], PoseScorer]
 AnySimulator: TypeAlias = str | PoseSimulator | Callable[[], PoseSimulator]
@@ -44,12 +44,12 @@ class _Kind:
 
     word: str
     method: str
-    """What a part of it has."""
+    """The method that its parts have."""
     section: str
     field: str
     """Where settings name it."""
     taken: tuple[str, ...] = ()
-    """Names that are no part's."""
+    """Names that no part may have."""
     by: str = ""
     """Whose they are."""
 
@@ -68,7 +68,8 @@ def refiner(name: str) -> Callable[[R], R]:
 
     The class takes no arguments and has ``refine(target, T_cam_obj, fixed=()) → (4, 4)``; see
     :class:`~verefine_viz.core.protocols.Refiner`. Poses are (4, 4) T_cam_obj [m]. Its answer must depend on the
-    arguments alone. A refiner that takes arguments is handed over itself: ``vv.solve(frame, refiner=MyRefiner(net))``.
+    arguments alone. A refiner that takes arguments is handed over as an object: ``vv.solve(frame,
+    refiner=MyRefiner(net))``.
 
     Args:
         name: the name in settings: ``vv.solve(frame, refiner="nudge")``.
@@ -131,8 +132,8 @@ def verifier(name: str) -> Callable[[V], V]:
 def simulator(name: str) -> Callable[[S], S]:
     """Register a class as a simulator, which moves objects in place of Bullet: ``@vv.simulator("drop")`` above it.
 
-    The class takes no arguments and has ``settle(moving, fixed, support, n_steps)``, which gives the poses T_cam_obj
-    (n_steps + 1, 4, 4) [m] before and after each step; see :class:`~verefine_viz.core.protocols.PoseSimulator`.
+    The class takes no arguments and has ``settle(moving, fixed, support, n_steps)``, which returns the poses T_cam_obj
+    (n_steps + 1, 4, 4) [m], the first before any step; see :class:`~verefine_viz.core.protocols.PoseSimulator`.
     Settings name it: ``physics={"simulator": "drop"}``.
 
     Args:
@@ -154,7 +155,7 @@ def simulator(name: str) -> Callable[[S], S]:
 
 
 def with_parts(sections: Mapping[str, Any], **given: Any) -> dict[str, Any]:
-    """Sections with parts, or their names, put where settings have them; "" leaves what is there.
+    """The sections with given parts, or their names, in the fields that take them; "" changes nothing.
 
     Args:
         sections: settings by section.
@@ -172,12 +173,12 @@ def with_parts(sections: Mapping[str, Any], **given: Any) -> dict[str, Any]:
 
 
 def named_parts(sections: Mapping[str, Any]) -> tuple[dict[str, Any], OwnParts]:
-    """Sections with the names of parts in place of parts, and those parts, checked.
+    """The sections with names in place of parts, and the checked parts by these names.
 
-    A part is known by the name of its class. Pages of this process find the last one of each name as well.
+    A part is named after its class. Pages of this process find the last part of each name, too.
 
     Raises:
-        InputError: something stands for a part that is none, or its class is called as a part of this package.
+        InputError: an object given as a part is not one, or its class has the name of a part of this package.
         PartError: it cannot be made.
     """
     out, own = dict(sections), dict[str, dict[str, Any]]()
@@ -195,7 +196,7 @@ def named_parts(sections: Mapping[str, Any]) -> tuple[dict[str, Any], OwnParts]:
 
 
 def named_estimator(part: AnyEstimator) -> tuple[str, OwnParts]:
-    """The name of an estimator, and it where it was handed over; errors as :func:`named_parts`."""
+    """The name of an estimator, and the estimator where one was handed over; errors as :func:`named_parts`."""
     if isinstance(part, str):
         return checked_text(part, "estimator", "its name"), OwnParts()
     settings, own = named_parts({"hypotheses": {"source": part}})
@@ -203,7 +204,7 @@ def named_estimator(part: AnyEstimator) -> tuple[str, OwnParts]:
 
 
 def _handed_over(kind: _Kind, part: Any) -> Any:
-    """The part: what was given, or what it makes."""
+    """The part that was given, or that the given class or function makes."""
     is_part = not isinstance(part, type) and callable(getattr(part, kind.method, None))
     made = part if is_part else _made(f"{kind.word} {_name(part)}", part) if callable(part) else None
     if not callable(getattr(made, kind.method, None)):
@@ -220,7 +221,7 @@ def _name(part: Any) -> str:
 
 
 def _registered(kind: _Kind, name: str, part: Any) -> Any:
-    """The part as toolboxes take it; what looks for its name in this process finds it."""
+    """The part in the form that toolboxes take, registered under its name in this process."""
     if kind is _REFINER:
         checked = _CheckedRefiner(name, part)
         REFINERS[name] = lambda session: checked
@@ -229,7 +230,7 @@ def _registered(kind: _Kind, name: str, part: Any) -> Any:
         estimating = _CheckedEstimator(name, part)
         ESTIMATORS[name] = lambda session: estimating
         return estimating
-    # Those two are checked by what settings make of them.
+    # These two are checked where settings make them.
     if kind is _VERIFIER:
         VERIFIERS[name] = lambda settings: part
     else:
@@ -243,7 +244,7 @@ def _made(who: str, kind: Callable[[], Any]) -> Any:
 
 
 class _CheckedRefiner:
-    """A refiner of another program, whose poses are checked; what else it has stays."""
+    """A refiner of another program, whose poses are checked; its other attributes are passed on."""
 
     def __init__(self, name: str, refiner: Refiner) -> None:
         self._who, self._refiner, self._lender = f"refiner {name}", refiner, Lender(f"refiner {name}")
@@ -263,7 +264,7 @@ class _CheckedRefiner:
             return self._refiner.explain(*lent)
 
     def __getattr__(self, name: str) -> Any:
-        if name == "_refiner":  # While it is made, or copied.
+        if name == "_refiner":  # It is just being made or copied.
             raise AttributeError(name)
         return getattr(self._refiner, name)
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from verefine_viz.run.toolbox import Toolbox
 
 MOST_STEPS = MOST_HYPOTHESES = 10_000
-"""Most steps of a simulation, and poses of an estimator; as settings have them."""
+"""The most steps of a simulation, and poses of an estimator; the same bounds as in the settings."""
 
 
 def score(
@@ -39,15 +39,15 @@ def score(
     Args:
         frame: the frame.
         name: the object's name, or its instance_id.
-        poses: T_cam_obj [m], (4, 4) or (N, 4, 4); of a rounded rotation the nearest exact one is taken.
-        verifier: one of your own in place of Eq. 1, by its name or itself.
+        poses: T_cam_obj [m], (4, 4) or (N, 4, 4); a rounded rotation is replaced by the nearest exact one.
+        verifier: your own in place of Eq. 1, by name or as an object.
         sections: settings: ``score={"tau_m": 0.01}``.
 
     Returns:
         Columns of N scores in [0, 1], their depth and normal fit, and counts of pixels.
 
     Raises:
-        InputError: the frame has no such object, or a pose is none.
+        InputError: the frame has no such object, or a pose is invalid.
         SettingsError: a setting is unknown or out of range.
     """
     tools, target = _object(frame, name, with_parts(sections, verifier=verifier))
@@ -65,10 +65,10 @@ def score_maps(frame: AnyFrame, name: str | int, pose: ArrayLike, **sections: Un
 
     Returns:
         Images of (H, W): depth as rendered [m], differences, the fit of depth and normals, what each pixel counts as.
-        None of a verifier without maps.
+        None for a verifier without maps.
 
     Raises:
-        InputError: the frame has no such object, or the pose is none.
+        InputError: the frame has no such object, or the pose is invalid.
         SettingsError: a setting is unknown or out of range.
     """
     poses = checked_poses(pose)
@@ -87,14 +87,14 @@ def refine(
         frame: the frame.
         name: the object's name, or its instance_id.
         poses: T_cam_obj [m], (4, 4) or (N, 4, 4).
-        refiner: icp, depth_net, …, or one of your own, by its name or itself; "" = the default.
+        refiner: icp, depth_net, …, or your own, by name or as an object; "" = the default.
         sections: settings: ``icp={"max_iterations": 50}``.
 
     Returns:
         The refined poses [m], of the shape of ``poses``.
 
     Raises:
-        InputError: the frame has no such object, or a pose is none.
+        InputError: the frame has no such object, or a pose is invalid.
         SettingsError: there is no such refiner or setting.
     """
     given = checked_poses(poses)
@@ -116,9 +116,9 @@ def settle(
     Args:
         frame: the frame.
         name: the object's name, or its instance_id.
-        poses: T_cam_obj [m], (4, 4) or (N, 4, 4); each moves by itself.
+        poses: T_cam_obj [m], (4, 4) or (N, 4, 4); each is simulated on its own.
         steps: number of steps of 1/60 s, at most 10 000.
-        simulator: one of your own in place of Bullet, by its name or itself.
+        simulator: your own in place of Bullet, by name or as an object.
         sections: settings: ``physics={"collider": "hull"}``.
 
     Returns:
@@ -126,7 +126,7 @@ def settle(
         the reach of the camera stays where it was last.
 
     Raises:
-        InputError: there is no such object, no support plane, or a pose is none.
+        InputError: there is no such object, no support plane, or a pose is invalid.
     """
     given, steps = checked_poses(poses), checked_count(steps, "steps", 1, MOST_STEPS)
     tools, target = _object(frame, name, with_parts(sections, simulator=simulator))
@@ -149,9 +149,9 @@ def estimate(
     Args:
         frame: the frame.
         name: the object's name, or its instance_id.
-        estimator: ppf (point pair features), pcs (congruent point sets), densefusion, or one of your own, by its name
-            or itself.
-        n: how many at most, up to 10 000.
+        estimator: ppf (point pair features), pcs (congruent point sets), densefusion, or your own, by name or as an
+            object.
+        n: most poses to return, up to 10 000.
         sections: settings: ``ppf={"step_m": 0.005}``.
 
     Returns:
@@ -195,7 +195,7 @@ def _object(frame: AnyFrame, name: str | int, sections: Mapping[str, Any]) -> tu
 
 
 def checked_poses(given: ArrayLike) -> Float:
-    """Poses (N, 4, 4) of one or several; InputError where one is none, or too far away to be in metres."""
+    """One or several poses as (N, 4, 4); InputError where one is invalid, or too far away to be in metres."""
     expected = "expected T_cam_obj in metres, (4, 4) or (N, 4, 4) with N ≥ 1"
     try:
         array = np.asarray(given)

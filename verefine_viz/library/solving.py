@@ -50,11 +50,11 @@ D = TypeVar("D")
 Named = tuple[str, int | None]
 """Name and instance_id of an object."""
 OF_ITS_FRAME = ("scene", "data", "hypotheses", "ppf", "pcs", "densefusion")
-"""Sections that say what the frame of a run is, and where its initial poses come from."""
+"""Sections that define the frame of a run, and the source of its initial poses."""
 
 
 class _Solving:
-    """A run that is made here."""
+    """A run that is computed here."""
 
     def __init__(self, frame: AnyFrame, sections: Mapping[str, Any]) -> None:
         check_frame(frame)
@@ -98,7 +98,7 @@ class _Solving:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        # Those of the camera as well, as on the page.
+        # Doubts about the camera, too, as on the page.
         return texts_of(data_doubts(self.engine.problem)) or self.end.doubts
 
     def iteration(self, k: int) -> Iteration:
@@ -115,7 +115,7 @@ class _Recorded:
 
     Args:
         record: the run.
-        frame: of arrays, where it was made of one in memory.
+        frame: the frame of arrays that it was made from, if any.
     """
 
     def __init__(self, record: RunRecord, frame: Frame | None = None) -> None:
@@ -180,7 +180,7 @@ _Source: TypeAlias = _Solving | _Recorded
 
 
 class Iterations(Sequence[Iteration]):
-    """The iterations of a run. ``len`` and ``[k]`` are those that were made; going through them makes the next ones."""
+    """The iterations of a run. ``len`` and ``[k]`` see those made so far; iterating makes the next ones."""
 
     def __init__(self, run: _Source) -> None:
         self._run = run
@@ -211,13 +211,13 @@ class Iterations(Sequence[Iteration]):
 
 
 class _NoIteration(InputError, IndexError):
-    """A number that no iteration has."""
+    """An index that no iteration has."""
 
 
 class Run(Mapping[str | int, Answer]):
     """A run of a method on a frame; :func:`solve`, :func:`step` and :func:`open_run` make them.
 
-    It is a mapping of answers by the names of their objects, or by their instance_id where several have one name.
+    It maps the names of objects to their answers; where several objects share a name, their instance_ids.
     """
 
     def __init__(self, of: _Source) -> None:
@@ -232,14 +232,14 @@ class Run(Mapping[str | int, Answer]):
 
     @property
     def session(self) -> Session:
-        """The settings that define the run, each explicit."""
+        """The settings that define the run, all of them explicit."""
         return self._of.session
 
     def finish(self) -> Run:
-        """Make all iterations that are left; returns the run itself.
+        """Make all remaining iterations; returns the run itself.
 
         Raises:
-            InputError: it was read from a file that ends early.
+            InputError: the run was read from a file that ends early.
         """
         self._of.finish()
         return self
@@ -251,14 +251,14 @@ class Run(Mapping[str | int, Answer]):
 
     @property
     def iterations(self) -> Iterations:
-        """The iterations: those that were made, and, for who goes through them, the next ones;
+        """The iterations made so far; iterating over them makes the next ones.
         :class:`~verefine_viz.core.records.Iteration` has the pose and the score of each stage, and what was accepted.
         """
         return Iterations(self._of)
 
     @cached_property
     def answers(self) -> tuple[Answer, ...]:
-        """The answer about each object of the frame, those that could not be solved last; finishes the run."""
+        """The answer about each object of the frame, unsolvable ones last; finishes the run."""
         return self._pictured
 
     @cached_property
@@ -292,7 +292,7 @@ class Run(Mapping[str | int, Answer]):
     @overload
     def get(self, name: str | int, /, default: Answer | D) -> Answer | D: ...
     def get(self, name: str | int, /, default: Any = None) -> Any:
-        """The answer about an object, or ``default`` where the frame has none of the name."""
+        """The answer about an object, or ``default`` where the frame has no object of that name."""
         return self[name] if name in self else default  # noqa: SIM401 – this is what get is.
 
     def __eq__(self, other: object) -> bool:
@@ -312,7 +312,7 @@ class Run(Mapping[str | int, Answer]):
         return tuple(own for _, own in self._of.objects if own is not None)
 
     def _place(self, name: str | int) -> int:
-        """The number of the answer about an object."""
+        """The index of the answer about an object."""
         objects = self._of.objects
         if isinstance(name, Integral) and not isinstance(name, bool):
             if name not in self._ids:
@@ -328,8 +328,8 @@ class Run(Mapping[str | int, Answer]):
         return places[0]
 
     def allowed(self, name: str | int) -> AllowedPoses:
-        """The poses that the image allows beside the answer about an object: intervals of shifts and turns
-        (``extents``), poses elsewhere that fit as well (``alike``); finishes the run.
+        """The poses that the image allows besides the answer about an object: intervals of shifts and turns
+        (``extents``), distant poses that fit as well (``alike``); finishes the run.
 
         Args:
             name: as in ``run[name]``.
@@ -360,18 +360,18 @@ class Run(Mapping[str | int, Answer]):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Doubts about the frame's data: what does not fit together, and what would; finishes the run."""
+        """Doubts about the frame's data: what does not fit together, and what would fit; finishes the run."""
         return self._of.doubts
 
     def record(self) -> RunRecord:
-        """The run so far, as it is written to a file."""
+        """The record of the run so far, as it would be written to a file."""
         return self._of.record()
 
     def save(self, path: Path | str) -> Path:
         """Write the run to a file (``.vfrun``), which :func:`open_run` and ``verefine-viz view`` open.
 
-        A frame of arrays is written beside it as a trace, into a folder that is called as the file with ``-frame``;
-        that of an earlier run of the name is replaced, as the file is.
+        A frame of arrays is written beside it as a trace, into a folder named like the file with ``-frame`` appended.
+        File and folder of an earlier run with that name are replaced.
 
         Args:
             path: the file, as "drop.vfrun".
@@ -380,7 +380,8 @@ class Run(Mapping[str | int, Answer]):
             The file.
 
         Raises:
-            InputError: the path has another ending, its folder holds something else, or it cannot be written.
+            InputError: the path has another ending, the trace's folder holds something else, or the file cannot be
+                written.
         """
         path = checked_path(path, "path", f'the name of a file, as "drop{SUFFIX}"')
         if path.suffix != SUFFIX:
@@ -430,7 +431,7 @@ class Run(Mapping[str | int, Answer]):
     def diagnose(self) -> dict[str | int, Diagnosis]:
         """Why each failed answer failed, by the object's name, or by its instance_id where several have one name.
 
-        It finishes the run and re-runs it without each cause.
+        Finishes the run, and re-runs it without each possible cause.
 
         Returns:
             An entry for each object whose ADD(-S) is not below 10 % of its diameter; none without ground truth.
@@ -476,25 +477,25 @@ def step(
 
     Args:
         frame: what is solved.
-        method: refine, pir, sir, rir, vf_breadth, vf_depth, … (an unknown name lists them), or the section of the
-            method, as {"name": "rir", "iterations": 10, "seed": 3}.
-        refiner: icp, depth_net, …; one of your own, by its name or itself; "" = the default.
+        method: refine, pir, sir, rir, vf_breadth, vf_depth, … (an unknown name lists them), or the method's section,
+            such as {"name": "rir", "iterations": 10, "seed": 3}.
+        refiner: icp, depth_net, …, or your own, by name or as an object; "" = the default.
         preset: recommended, paper, published; "" = recommended.
-        verifier: one of your own in place of Eq. 1, by its name or itself.
-        simulator: one of your own in place of Bullet, by its name or itself.
-        estimator: what makes the initial poses: ppf, pcs, or one of your own, by its name or itself; "" = those of the
+        verifier: your own in place of Eq. 1, by name or as an object.
+        simulator: your own in place of Bullet, by name or as an object.
+        estimator: what makes the initial poses: ppf, pcs, or your own, by name or as an object; "" = those of the
             frame.
         sections: other settings, each section a dict as in a session file: ``score={"tau_m": 0.01}``.
 
     A part of your own is an object with the method of its kind, its class, or a function that makes one; runs name it
-    by its class. It is given arrays of its own, which it may write into.
+    by its class. It gets copies of the arrays, so it may write into them.
 
     Returns:
         The run before its first iteration: ``for iteration in vv.step(frame).iterations`` makes them.
 
     Raises:
         SettingsError: a setting is unknown or out of range.
-        InputError: nothing can be solved in the frame.
+        InputError: the frame has nothing to solve.
     """
     given = {"name": method} if isinstance(method, str) else method
     given = checked_mapping(given, "method", 'its name, or its section as {"name": "rir", …}')
@@ -518,13 +519,13 @@ def solve(
 
     Args:
         frame: what is solved.
-        method: refine, pir, sir, rir, vf_breadth, vf_depth, … (an unknown name lists them), or the section of the
-            method, as {"name": "rir", "iterations": 10, "seed": 3}.
-        refiner: icp, depth_net, …; one of your own, by its name or itself; "" = the default.
+        method: refine, pir, sir, rir, vf_breadth, vf_depth, … (an unknown name lists them), or the method's section,
+            such as {"name": "rir", "iterations": 10, "seed": 3}.
+        refiner: icp, depth_net, …, or your own, by name or as an object; "" = the default.
         preset: recommended, paper, published; "" = recommended.
-        verifier: one of your own in place of Eq. 1, by its name or itself.
-        simulator: one of your own in place of Bullet, by its name or itself.
-        estimator: what makes the initial poses: ppf, pcs, or one of your own, by its name or itself; "" = those of the
+        verifier: your own in place of Eq. 1, by name or as an object.
+        simulator: your own in place of Bullet, by name or as an object.
+        estimator: what makes the initial poses: ppf, pcs, or your own, by name or as an object; "" = those of the
             frame.
         sections: other settings, each section a dict as in a session file: ``score={"tau_m": 0.01}``.
 
@@ -535,23 +536,23 @@ def solve(
 
     Raises:
         SettingsError: a setting is unknown or out of range.
-        InputError: nothing can be solved in the frame.
+        InputError: the frame has nothing to solve.
     """
     return step(frame, method, refiner, preset, verifier, simulator, estimator, **sections).finish()
 
 
 def open_run(path: Path | str) -> Run:
-    """Open a run that was saved, or that a batch has left.
+    """Open a run that was saved, or one of a batch.
 
     Args:
         path: its file (``.vfrun``), or a recording of it (``.rrd``).
 
     Returns:
         The run as :func:`solve` gave it. Its frame's data are read when they are needed: by ``allowed``, ``diagnose``,
-        ``frame`` and pictures. One that was stopped has its iterations and no answers.
+        ``frame`` and pictures. A run that was stopped has iterations but no answers.
 
     Raises:
-        InputError: there is no such file, it is none, or it is damaged.
+        InputError: there is no such file, it is not a run, or it is damaged.
     """
     file = checked_path(path, "path", f"a run ({SUFFIX}), or a recording of one (.rrd)")
     if file.suffix not in (SUFFIX, ".rrd"):

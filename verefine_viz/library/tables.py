@@ -20,11 +20,11 @@ BEFORE, BEHIND = ("scene_id", "im_id"), ("cause", "evidence", "right")
 def table_of(answers: Sequence[Answer]) -> Any:
     """A row for each answer: its fields, BOP's ``scene_id`` and ``im_id``, ``cause``, ``evidence``, and ``right``.
 
-    That is False of a missing answer, and unknown without ground truth.
+    ``right`` is False for a missing answer, and unknown without ground truth.
 
     Returns:
-        A DataFrame, in which numbers are NaN and truths NA where they are unknown; without pandas a list for each
-        column by its name, in which they are None.
+        A DataFrame in which an unknown number is NaN and an unknown truth value NA; without pandas, a dict from column
+        name to list, with None for what is unknown.
     """
     columns = columns_of(answers)
     if find_spec("pandas") is None:
@@ -42,7 +42,7 @@ def columns_of(answers: Sequence[Answer]) -> dict[str, list[Any]]:
 
 
 def _series(values: list[Any], kind: mi.Type | None, pandas: Any) -> Any:
-    """A column with the type of its field; that of ``right`` is of truths that may be unknown."""
+    """A column with the type of its field; ``right`` holds truth values, some of them unknown."""
     parts = kind.types if isinstance(kind, mi.UnionType) else (kind,)
     if any(isinstance(part, mi.FloatType) for part in parts) or (
         any(value is None for value in values) and any(isinstance(part, mi.IntType) for part in parts)

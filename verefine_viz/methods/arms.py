@@ -47,21 +47,21 @@ class Arm:
 
     @property
     def entries_since_edit(self) -> tuple[AcceptedPose, ...]:
-        """Entries that its plays and its mean are about: from the initial pose on, or from the last edited one."""
+        """Entries that its plays and its mean count: from the initial pose on, or from the last edited one."""
         edited = max((k for k, entry in enumerate(self.entries) if entry.stage == "edited"), default=0)
         return self.entries[edited:]
 
     def advanced(self, entry: AcceptedPose) -> Arm:
-        """After one more iteration that accepted ``entry``; its reward is still to come."""
+        """The arm after one more iteration, which accepted ``entry``; its reward is still to come."""
         return Arm((*self.entries, entry), self.plays, self.mean, self.n_iterations + 1)
 
     def rewarded(self, reward: float) -> Arm:
-        """After one more play: μ ← (μ n + s)/(n + 1), n ← n + 1 (docs/methods.md 1.4)."""
+        """The arm after one more play: μ ← (μ n + s)/(n + 1), n ← n + 1 (docs/methods.md 1.4)."""
         mean = (self.mean * self.plays + reward) / (self.plays + 1)
         return Arm(self.entries, self.plays + 1, mean, self.n_iterations)
 
     def discounted(self, discount: float) -> Arm:
-        """After a pass whose earlier plays count less: the mean stays, n ← γ n (docs/methods.md 1.6)."""
+        """The arm after a pass, with earlier plays counting less: the mean stays, n ← γ n (docs/methods.md 1.6)."""
         return Arm(self.entries, self.plays * discount, self.mean, self.n_iterations)
 
 
@@ -73,7 +73,7 @@ def initial_arms(hypotheses: Sequence[Hypothesis], scores: Scores) -> tuple[Arm,
 
 @dataclass(frozen=True, eq=False)
 class ObjectState:
-    """Where a method stands with one object."""
+    """State of a method for one object."""
 
     target: Target
     initial: Scores
@@ -85,7 +85,7 @@ class ObjectState:
     edited_arms: tuple[int, ...] = ()
     """Arms whose pose was edited and that were not played since, the latest first: played before all others."""
     was_ahead: bool = False
-    """Whether its latest iteration came before its turn among the objects, for an edited arm."""
+    """Whether its latest iteration was taken out of turn, for an edited arm."""
 
     @property
     def plays(self) -> list[float]:
@@ -104,13 +104,14 @@ class ObjectState:
         return ObjectState(self.target, self.initial, arms, best, self.n_done + 1, j, edited)
 
     def rewarded(self, j: int, reward: float, discount: float = 1.0) -> ObjectState:
-        """After arm ``j`` was played for ``reward``; what was played before counts ``discount`` times as much."""
+        """The state after arm ``j`` was played for ``reward``; earlier plays count ``discount`` times as much."""
         arms = [arm.discounted(discount) for arm in self.arms] if discount != 1.0 else list(self.arms)
         arms[j] = arms[j].rewarded(reward)
         return replace(self, arms=tuple(arms))
 
     def with_edited(self, j: int, T_cam_obj: Float, score: PoseScore, iteration: int) -> ObjectState:
-        """The arm's current pose replaced by an edited one; the arm starts again there, and is to be played next.
+        """The state with the arm's current pose replaced by an edited one, from which it starts again and is played
+        next.
 
         Raises:
             ShapeError: there is no such arm, or the pose is not rigid.
@@ -118,7 +119,7 @@ class ObjectState:
         if not 0 <= j < len(self.arms):
             raise ShapeError(f"there is no hypothesis {j + 1}; this object has {len(self.arms)}")
         entry = AcceptedPose(as_rigid(T_cam_obj, "edited pose"), score, "edited", iteration)
-        # What the arm had earned says nothing about a pose that did not come from it: this is a new hypothesis in its
+        # The arm's earlier rewards say nothing about a pose that did not come from it: this is a new hypothesis in its
         # place, and begins as every hypothesis does, with its score as the first play (docs/methods.md 1.4).
         arm = Arm((*self.arms[j].entries, entry), 1.0, score.score, self.arms[j].n_iterations)
         edited = (j, *(k for k in self.edited_arms if k != j))

@@ -14,7 +14,7 @@ from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.methods.arms import ObjectState
 
 Numbers = list[float]
-"""One per arm. A handful of them is dealt with faster in plain floats than by numpy."""
+"""One per arm. For a handful of arms, plain floats are faster than numpy."""
 
 
 class Policy(Protocol):
@@ -32,7 +32,7 @@ class Ucb:
     def choose(self, state: ObjectState) -> Choice:
         plays, mean = state.plays, state.means
         never_played = math.inf if self.c > 0.0 else 0.0
-        # ln p of Eq. 2, p = Σn. That of a discounted count can be negative; an exploration term cannot
+        # ln p of Eq. 2, p = Σn. The logarithm of a discounted count can be negative; an exploration term cannot be
         # (docs/methods.md 1.8.14).
         log_total = math.log(max(sum(plays), 1.0))
         exploration = [self.c * math.sqrt(log_total / n) if n > 0.0 else never_played for n in plays]
@@ -63,7 +63,7 @@ class BestInitial:
 
 
 def next_choice(policy: Policy, state: ObjectState) -> Choice:
-    """What the policy chooses; an edited arm goes before all others, and the numbers stay as they are."""
+    """The arm that the policy chooses; an edited arm is played before all others; the numbers stay unchanged."""
     choice = policy.choose(state)
     if not state.edited_arms:
         return choice
@@ -72,7 +72,7 @@ def next_choice(policy: Policy, state: ObjectState) -> Choice:
 
 
 def fixed_choice(state: ObjectState, j: int, why: str) -> Choice:
-    """Hypothesis ``j``, chosen by something else than its numbers."""
+    """Choice of hypothesis ``j`` for another reason than the bandit's numbers."""
     plays, mean = state.plays, state.means
     reason = f"hypothesis {j + 1} of {len(state.arms)}: {why}"
     return _choice(j, plays, mean, [0.0] * len(mean), mean, reason)

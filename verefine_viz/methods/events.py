@@ -1,4 +1,4 @@
-"""What about an iteration is worth a mark on the timeline, in words with numbers and units."""
+"""Events of an iteration that deserve a mark on the timeline, in words with numbers and units."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
         was, now = current.score.score, accepted.score.score
         if was - now >= SCORE_STEP:
             events.append(Event("score_fell", f"The score fell by {was - now:.3f}, {was:.3f} → {now:.3f}."))
-    # What answers with its last pose may have had a higher score before that.
+    # A method that answers with its last pose may have had a higher score before.
     highest = max(before.best.score.score, max(e.score.score for arm in before.arms for e in arm.entries))
     if iteration.best.iteration == iteration.index and iteration.best.score.score - highest >= SCORE_STEP:
         text = f"New best: {iteration.best.score.score:.3f}, was {highest:.3f}."

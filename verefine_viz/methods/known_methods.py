@@ -1,4 +1,4 @@
-"""What the methods are, for all that show, tabulate or evaluate their runs; ``registry.py`` composes them."""
+"""Properties of each method, for code that shows, tabulates or evaluates runs; ``registry.py`` composes methods."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class MethodInfo:
-    """What a method is, for all that compose, show or evaluate its runs."""
+    """Properties of a method, for code that composes, shows or evaluates its runs."""
 
     label: str
     """As the paper writes it."""
@@ -68,5 +68,5 @@ SEARCH = next(name for name, method in METHODS.items() if method.has_tree)
 
 
 def method_of(name: str) -> MethodInfo:
-    """What the method of that name is; an unknown one counts as a plain one."""
+    """Properties of the method of that name; the defaults for an unknown name."""
     return METHODS.get(name) or MethodInfo(name.upper())

@@ -25,8 +25,8 @@ from verefine_viz.methods.events import events_of
 from verefine_viz.methods.single_object import BeginScore, Chain, Draft
 
 FAR_RAD, LEAST_GAIN = np.radians(20.0), 0.1
-"""A flip by a larger turn wins only if its score is higher by what so much more correlation of colour is worth: without
-a print on the observed side correlations differ by some hundredths, whichever side it is."""
+"""A flip by a larger turn wins only if its score is higher by the worth of this much more colour correlation: where the
+observed side has no print, the correlations of the two sides differ by some hundredths either way."""
 Flips = Callable[[ObjectModel], Float]
 """Turns (N, 4, 4) of a model's frame after which its shape looks nearly the same."""
 
@@ -42,7 +42,7 @@ class ObjectMethod:
     policy: Policy | None = None
     """None: only the first hypothesis is used."""
     answer_is_best_scored: bool = True
-    """Else the answer is the last pose, and scores are only shown."""
+    """False: the answer is the last pose, and scores are only shown."""
     never_worse: bool = False
     """Whether the current pose stays when every candidate scores lower than it."""
     placed_may_hide: bool = True
@@ -83,7 +83,7 @@ class ObjectMethod:
     def advance(
         self, state: ObjectState, index: int, fixed: Sequence[Placed] = ()
     ) -> tuple[ObjectState, Iteration, float]:
-        """One iteration like :meth:`step` whose reward, the third value, is left to the caller to give."""
+        """One iteration like :meth:`step`, except that the caller gives the reward, the third value."""
         # Sec. III-C: the arm with the largest UCB is pulled, which means one SIR iteration of its latest pose.
         choice = next_choice(self.policy, state) if self.policy else None
         j = choice.arm if choice else 0
@@ -129,10 +129,10 @@ class ObjectMethod:
         return self.chain.draft(state.target, arm.current.T_cam_obj, arm.n_iterations + 1, fixed, begin)
 
     def rescored(self, state: ObjectState, fixed: Sequence[Placed] = ()) -> ObjectState:
-        """The state with all its poses scored by this method, among ``fixed`` objects.
+        """The state with all its poses scored again by this method, among ``fixed`` objects.
 
-        The mean of a hypothesis becomes that of its initial pose, or the edited one in its place, and of those that its
-        iterations accepted since.
+        The mean of a hypothesis becomes that over its initial pose, or the edited one in its place, and the poses
+        accepted since.
         """
         hypotheses = state.target.instance.hypotheses
         initial = self._score(state.target, np.array([h.T_cam_obj for h in hypotheses]), fixed)
@@ -205,7 +205,7 @@ class ObjectMethod:
 
 @dataclass(frozen=True, eq=False)
 class _IterationScores:
-    """Scores the poses of one iteration; those that others are computed from meanwhile."""
+    """Scores the poses of one iteration, some of them while the next are computed."""
 
     verifier: Verifier
     target: Target

@@ -26,7 +26,7 @@ def clusters_of(problem: Problem) -> tuple[tuple[int, ...], ...]:
 
 @dataclass(frozen=True, eq=False)
 class FrameState:
-    """Where a method stands with a frame."""
+    """State of a method in a frame."""
 
     problem: Problem
     objects: tuple[ObjectState | None, ...]
@@ -47,7 +47,7 @@ class FrameState:
         return replace(self, objects=objects, n_done=self.n_done if n_done is None else n_done)
 
     def placed(self, i: int) -> Placed:
-        """The i-th instance where its answer so far puts it."""
+        """The i-th instance, placed at its answer so far."""
         target, best = self.problem.targets[i], self.best[i]
         assert best is not None, f"instance {target.instance.instance_id} has no pose"
         return Placed(target.instance.instance_id, target.model, best.T_cam_obj)
@@ -93,7 +93,7 @@ class PerObject:
         if fixed and (before.n_done == 0 or before.was_ahead):
             before = self.method.rescored(before, fixed)
         after, iteration = self.method.step(before, state.n_done + 1, fixed)
-        if i != self._turns(state)[0]:  # The objects before it may move yet: then it is scored among them again.
+        if i != self._turns(state)[0]:  # Objects before it may still move; it is then scored among them again.
             after = replace(after, was_ahead=True)
         return state.with_object(i, after, state.n_done + 1), iteration
 
@@ -116,13 +116,13 @@ class PerObject:
         for i in self._order(state.problem):
             o = state.objects[i]
             if o:
-                # What was not begun yet is still scored alone.
+                # An object that was not begun yet is still scored alone.
                 fixed = self._fixed(state, i) if o.n_done else ()
                 state = state.with_object(i, self.method.rescored(o, fixed))
         return state
 
     def _adopted(self, state: FrameState) -> FrameState:
-        """The state as this method keeps it, where another method made it: a fork may change the method."""
+        """The state in this method's form; another method may have made it, since a fork may change the method."""
         return state if type(state) is FrameState else FrameState(state.problem, state.objects, state.n_done)
 
     def _order(self, problem: Problem) -> Sequence[int]:
@@ -130,7 +130,7 @@ class PerObject:
         return range(len(problem.instances))
 
     def _fixed(self, state: FrameState, i: int) -> tuple[Placed, ...]:
-        """What stands in the scene while the i-th instance is worked on."""
+        """Objects that stand in the scene while the i-th instance is worked on."""
         return ()
 
     def _turns(self, state: FrameState) -> list[int]:
@@ -138,7 +138,7 @@ class PerObject:
         return [i for i in self._order(state.problem) if (o := state.objects[i]) and not self.method.is_done(o)]
 
     def _next(self, state: FrameState) -> int | None:
-        """The first in turn; one with an edited pose goes ahead for an iteration."""
+        """The first in turn; one with an edited pose goes first for one iteration."""
         turns = self._turns(state)
         edited = [i for i in turns if (o := state.objects[i]) and o.edited_arms]
         return next(iter((*edited, *turns)), None)
@@ -153,7 +153,7 @@ class VfBreadth(PerObject):
     """
 
     carry_clusters: bool = True
-    """Whether earlier clusters stay as well, or only what belongs to the same cluster (docs/methods.md 1.8.16)."""
+    """Whether objects of earlier clusters stay too, or only those of the same cluster (docs/methods.md 1.8.16)."""
 
     def _order(self, problem: Problem) -> Sequence[int]:
         # Sec. IV-B: one RIR bandit per object of the dependency list, one after the other.

@@ -6,9 +6,9 @@ completes the scene with the most promising hypotheses of the other objects (the
 pixels that this scene leaves unexplained to the costs of the branch.
 
 Mistakes of the published code that are corrected: the overlap that orders the children is that of the object placed
-there, not of the one above; overlaps of zero and ties are fine, the first wins; overlaps are counted in full (its
-library stops once the best pose so far is out of reach, so that those of all other poses are too low); and branches
-below which nothing is left to try are passed over.
+there, not of the one above; overlaps of zero and ties are allowed, and the first wins; overlaps are counted in full
+(its library stops counting once a pose can no longer beat the best so far, so all other poses get too low an overlap);
+and branches below which nothing is left to try are passed over.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def mcts_tricp(settings: MctsSettings, session: TricpSettings) -> TricpSettings:
 def overlaps(target: Target, Ts_cam_obj: Float) -> Float:
     """LCP of poses (N, 4, 4) (docs/methods.md 3.2): share (N,) of the model's points within ``DELTA_M`` of the segment.
 
-    In [0, 1]; of an object seen from one side, even the ground truth stays well below 1.
+    In [0, 1]; for an object seen from one side, even the ground truth stays well below 1.
     """
     points, segment = target.model.points, target.instance.points_cam
     if len(points) == 0 or len(segment) == 0:
@@ -80,9 +80,9 @@ def overlaps(target: Target, Ts_cam_obj: Float) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class SearchState(FrameState):
-    """Where the search stands with a frame.
+    """State of the search in a frame.
 
-    Its problem has one hypothesis more per object than the one that was given: see ``REFINED_BEST``.
+    Its problem has one hypothesis per object more than the given one: ``REFINED_BEST``.
     """
 
     searches: tuple[Search | None, ...] = ()
@@ -91,7 +91,7 @@ class SearchState(FrameState):
 
 @dataclass(frozen=True)
 class PhysimMcts:
-    """One tree per cluster, the clusters one after another; other clusters' objects add the same to every cost."""
+    """One tree per cluster, one cluster after another; objects of other clusters add the same amount to every cost."""
 
     scene: SceneSearch
     settings: MctsSettings
@@ -157,7 +157,7 @@ class PhysimMcts:
     def rescored(self, state: FrameState) -> FrameState:
         """
         Raises:
-            InputError: always; the costs in its tree are those of scenes that are not known any more.
+            InputError: always; the scenes whose costs are in the tree are no longer known.
         """
         raise InputError(
             "the score cannot change on the way to or of physim_mcts, whose costs are of whole scenes; "
@@ -165,7 +165,9 @@ class PhysimMcts:
         )
 
     def _pool(self, target: Target) -> tuple[tuple[Hypothesis, ...], Float]:
-        """The instance's hypotheses and, as one more, the one with the largest overlap aligned; and all overlaps."""
+        """The instance's hypotheses, with the one of the largest overlap added once more after alignment; and all
+        overlaps.
+        """
         pool = tuple(h for h in target.instance.hypotheses if h.source != REFINED_BEST)
         if not pool:
             return (), np.zeros(0)
@@ -175,7 +177,7 @@ class PhysimMcts:
         return (*pool, added), np.append(shares, overlaps(target, added.T_cam_obj[None]))
 
     def _begun(self, target: Target, shares: Float) -> ObjectState:
-        """Before the first iteration the answer is the hypothesis with the largest overlap."""
+        """The answer before the first iteration: the hypothesis with the largest overlap."""
         Ts = np.array([h.T_cam_obj for h in target.instance.hypotheses])
         initial = self.scene.verifier.score(target, Ts)
         arms = initial_arms(target.instance.hypotheses, initial)
@@ -199,7 +201,7 @@ class PhysimMcts:
         return search.tree.n_expanded >= self._budget(search)
 
     def _expected(self, search: Search) -> int:
-        """Iterations that this cluster will have taken; a guess where time is the budget."""
+        """Iterations that this cluster will take in all; an estimate where the budget is a time."""
         n_done, seconds = search.tree.n_expanded, self.settings.seconds
         if self._is_over(search):
             return n_done
@@ -210,7 +212,7 @@ class PhysimMcts:
 
 
 def _adopted(state: FrameState) -> SearchState:
-    """The state as the search keeps it; where another method made it, from where that left each hypothesis."""
+    """The state of this search; one that another method left becomes a new search from its current poses."""
     if isinstance(state, SearchState):
         return state
     shares = [
@@ -223,7 +225,9 @@ def _adopted(state: FrameState) -> SearchState:
 def _searches(
     problem: Problem, objects: Sequence[ObjectState | None], shares: Sequence[Float]
 ) -> tuple[Search | None, ...]:
-    """A new search for each cluster, from where each hypothesis is; ``shares`` are their overlaps, per instance."""
+    """A new search for each cluster, from the hypotheses' current poses; ``shares`` are their overlaps, per
+    instance.
+    """
     pools = [
         tuple(Candidate(arm.current.T_cam_obj, lcp) for arm, lcp in zip(o.arms, s.tolist(), strict=True)) if o else ()
         for o, s in zip(objects, shares, strict=True)
@@ -236,7 +240,7 @@ def _searches(
 
 
 def _advanced(o: ObjectState | None, iteration: Iteration) -> ObjectState:
-    """The object after an iteration on one of its arms, which is rewarded with the score of where it came to lie."""
+    """The object after an iteration on one of its arms, rewarded with the score of the accepted pose."""
     accepted = iteration.accepted_stage
     assert o is not None
     assert accepted.score is not None

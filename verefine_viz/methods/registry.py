@@ -36,7 +36,7 @@ class _Parts:
         self.never_worse = s.accept == "never_worse"
 
     def last_pose(self, chain: Chain) -> PerObject:
-        """The first hypothesis, whose last pose is the answer."""
+        """A chain on the first hypothesis, whose last pose is the answer."""
         return PerObject(ObjectMethod(chain, self.verifier, self.s.iterations, answer_is_best_scored=False))
 
     def pir_by(self, policy: Policy) -> PerObject:
@@ -91,8 +91,8 @@ def make_method(
     n_steps: int,
     flips: Flips | None = None,
 ) -> PerObject:
-    """The method of that name over all instances of a frame. ``simulator`` None switches physics off, ``flips`` None
-    has none of them compete.
+    """The method of that name over all instances of a frame. ``simulator`` None switches physics off; ``flips`` None
+    lets no flips compete.
 
     Raises:
         SettingsError: there is no such method.

@@ -19,13 +19,13 @@ from verefine_viz.methods.search_tree import SearchTree
 from verefine_viz.methods.single_object import Draft, refined, simulate
 
 NOT_OF_A_SEARCH = ("arm_switched", "new_best", "physics_worse")
-"""Events that say nothing here: every iteration takes another arm, no single object has a best score, and physics goes
-on for so long that an object's own score falls far in every other iteration."""
+"""Events without meaning here: every iteration takes another arm, no single object has a best score, and physics runs
+for so long that an object's own score falls far in every other iteration."""
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Where the search stands with one cluster."""
+    """State of the search in one cluster."""
 
     members: tuple[int, ...]
     """Indices of its instances that have a hypothesis, in the order of placing."""
@@ -39,7 +39,7 @@ class Search:
 
 @dataclass(frozen=True, eq=False)
 class Placing:
-    """How an object came to lie where it is."""
+    """An object's placement, and the poses that led to it."""
 
     placed: Placed
     arm: int
@@ -48,21 +48,21 @@ class Placing:
 
 @dataclass(frozen=True, eq=False)
 class Expansion:
-    """What one iteration came to."""
+    """Outcome of one iteration."""
 
     search: Search
     iteration: Iteration
     best: dict[int, Best]
-    """By index of the instance: the answers, where the incumbent changed."""
+    """New answers by instance index, where the incumbent changed."""
 
 
 @dataclass(frozen=True)
 class SceneSearch:
-    """How objects are placed and scenes evaluated."""
+    """Places objects and evaluates scenes."""
 
     simulator: Simulator | None
     refiner: Refiner
-    """Trimmed ICP; leaves out what objects already placed explain."""
+    """Trimmed ICP; leaves out the points that already placed objects explain."""
     verifier: Verifier
     """Its scores are only shown; the search goes by the cost."""
     renderer: SceneRenderer
@@ -78,7 +78,7 @@ class SceneSearch:
             problem: the frame.
             objects: per instance.
             cluster: its number, for the record.
-            search: where the search stands with the cluster.
+            search: its state in the cluster.
             index: of the iteration, over the whole run.
         """
         tree = search.tree
@@ -141,7 +141,7 @@ class SceneSearch:
         return Expansion(after, structs.replace(iteration, events=tuple(events)), best)
 
     def _place(self, problem: Problem, search: Search, level: int, arm: int, fixed: Sequence[Placed]) -> Placing:
-        """Trimmed ICP from the hypothesis, then physics, both among what is placed."""
+        """Run trimmed ICP from the hypothesis, then physics, both among the objects already placed."""
         i = search.members[level]
         target, T_cam_obj = problem.targets[i], search.tree.pools[level][arm].T_cam_obj
         aligned = refined(self.refiner, target, T_cam_obj, fixed)
@@ -180,7 +180,7 @@ class SceneSearch:
 
 
 def _edited(objects: Sequence[ObjectState | None], search: Search) -> tuple[int, int] | None:
-    """(level, arm) of the first hypothesis that was edited and not placed since."""
+    """(level, arm) of the first hypothesis that was edited and has not been placed since."""
     members = ((level, objects[i]) for level, i in enumerate(search.members))
     return next(((level, o.edited_arms[0]) for level, o in members if o and o.edited_arms), None)
 

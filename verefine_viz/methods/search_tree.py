@@ -1,7 +1,7 @@
-"""The search tree of PHYSIM-MCTS: which hypothesis of which object was placed after which, and what came of it.
+"""The search tree of PHYSIM-MCTS: which hypothesis of which object was placed after which, and at what cost.
 
-Depth i places the i-th object of a cluster from one of its hypotheses. Trees are immutable and share what did not
-change. docs/methods.md 3.3.
+Depth i places the i-th object of a cluster from one of its hypotheses. Trees are immutable and share the parts that did
+not change. docs/methods.md 3.3.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ class Candidate:
 
     T_cam_obj: Float
     lcp: float
-    """Share of the model's points that the segment explains there, in [0, 1]: what is tried first."""
+    """Share of the model's points that the segment explains at this pose, in [0, 1]; the largest is tried first."""
     n_edits: int = 0
-    """How often its pose was edited; its children from before do not count as its own any more."""
+    """How often its pose was edited; nodes placed before the last edit no longer count as its own."""
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """An object placed after those of the nodes above."""
+    """An object placed after the objects of the nodes above it."""
 
     parent: int
     level: int
@@ -33,7 +33,7 @@ class Node:
     arm: int
     n_edits: int
     T_cam_obj: Float | None
-    """Where it came to lie; None for the root."""
+    """Pose after placing; None for the root."""
     children: tuple[int, ...] = ()
     visits: int = 0
     cost_px: float = 0.0
@@ -52,7 +52,7 @@ ROOT = Node(-1, 0, -1, 0, None)
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """What is to be expanded, and why."""
+    """The node to expand, and why."""
 
     branch: tuple[int, ...]
     """From the root to the node that gets a child."""
@@ -64,12 +64,12 @@ class Selection:
 
 @dataclass(frozen=True, eq=False)
 class SearchTree:
-    """Candidates of each object, and the nodes so far."""
+    """The candidates of each object, and the nodes added so far."""
 
     pools: tuple[tuple[Candidate, ...], ...]
     """Per object, in the order of placing; none is empty."""
     nodes: tuple[Node, ...] = (ROOT,)
-    """In the order in which they came about; node 0 is the root."""
+    """In the order in which they were added; node 0 is the root."""
 
     @property
     def n_expanded(self) -> int:
@@ -81,7 +81,7 @@ class SearchTree:
         return self.nodes[0].is_closed
 
     def size(self, limit: int) -> int:
-        """How many nodes it will have without the root when it is complete, or ``limit`` where that is less."""
+        """Number of nodes, root excluded, of the complete tree; at most ``limit``."""
         below = [0]  # a whole subtree below a node of the last level, of the one above, …
         for pool in reversed(self.pools):
             below.append(len(pool) * (1 + below[-1]))
@@ -114,8 +114,8 @@ class SearchTree:
 
         Args:
             exploration_px: α.
-            edited: (level, arm) of a candidate that was edited and not placed since. It goes before all others: the
-                search takes the shortest way to a node that it can be placed below.
+            edited: (level, arm) of a candidate that was edited and has not been placed since. It is placed before all
+                others, below the nearest node that allows it.
         """
         branch, choices = [0], []
         while True:
@@ -137,7 +137,7 @@ class SearchTree:
             branch.append(children[k])
 
     def expanded(self, parent: int, arm: int, T_cam_obj: Float) -> SearchTree:
-        """With one more node, not visited yet."""
+        """The tree with one more node, not visited yet."""
         above = self.nodes[parent]
         level = above.level + 1
         n_edits = self.pools[above.level][arm].n_edits
@@ -146,7 +146,7 @@ class SearchTree:
         return grown._with(parent, replace(above, children=(*above.children, len(self.nodes))))
 
     def backed_up(self, branch: tuple[int, ...], cost_px: float) -> SearchTree:
-        """With one more visit of each node of ``branch``, root first."""
+        """The tree with one more visit of each node of ``branch``, root first."""
         tree = self
         for k in reversed(branch):
             node = tree.nodes[k]
@@ -155,7 +155,7 @@ class SearchTree:
         return tree
 
     def with_candidate(self, level: int, arm: int, T_cam_obj: Float, lcp: float) -> SearchTree:
-        """With another pose for a candidate; below every node it counts as untried again."""
+        """The tree with another pose for a candidate, which counts as untried again below every node."""
         pool = self.pools[level]
         edited = Candidate(T_cam_obj, lcp, pool[arm].n_edits + 1)
         pools = (*self.pools[:level], (*pool[:arm], edited, *pool[arm + 1 :]), *self.pools[level + 1 :])
@@ -165,7 +165,7 @@ class SearchTree:
         return tree
 
     def _deepest(self, children: tuple[int, ...], level: int) -> list[int]:
-        """Children below which the tree comes nearest to ``level``."""
+        """The children whose subtrees come nearest to ``level``."""
         depths = [self._depth(c, level) for c in children]
         return [c for c, depth in zip(children, depths, strict=True) if depth == max(depths)]
 

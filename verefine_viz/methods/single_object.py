@@ -1,7 +1,7 @@
 """How one hypothesis moves on in an iteration: PIR and SIR (paper Sec. III-A, III-B), and the ablation's (Sec. V-A).
 
-Each is a :class:`Chain`: the poses that an iteration goes through, and which of them may be accepted. What is done with
-them (scores, the choice between them, the answer) is the same for all: :mod:`verefine_viz.methods.object_method`.
+Each is a :class:`Chain`: the poses that an iteration goes through, and which of them may be accepted. What follows
+(scoring, the choice between them, the answer) is the same for all chains: :mod:`verefine_viz.methods.object_method`.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ class Draft:
     """Stages that may be accepted; a name without a stage (no physics) does not matter."""
     path: SimulatedPath | None = None
     lacks_physics: bool = False
-    """Whether a simulation belongs here but was not possible."""
+    """Whether the chain includes a simulation that was not possible."""
     why_stuck: str = "no correspondence within its gate"
-    """Why the refined pose may be where it began; empty where it need not move."""
+    """Why the refiner may have left its start pose unchanged; empty where there is no such reason."""
 
 
 BeginScore = Callable[[Stage], None]
-"""Begins to score a pose of an iteration that is still going on."""
+"""Begins to score a pose while its iteration is still running."""
 
 
 class Chain(Protocol):
@@ -44,9 +44,9 @@ class Chain(Protocol):
     def refiner(self) -> Refiner | None: ...
 
     def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
-        """The poses of iteration ``k`` = 1, 2, … of a hypothesis that is at ``T_cam_obj``.
+        """The poses of iteration ``k`` = 1, 2, … of a hypothesis at ``T_cam_obj``.
 
-        A pose that others are computed from may be given to ``begin`` right away: it is then scored meanwhile.
+        A pose from which others are computed may be handed to ``begin`` at once: it is scored in the meantime.
         """
         ...
 
@@ -65,7 +65,7 @@ def simulate(
 
 
 def refined(refiner: Refiner, target: Target, T_cam_obj: Float, fixed: Sequence[Placed]) -> Stage:
-    """REF of docs/methods.md 1.0, timed; a step beyond ``FARTHEST_M`` is not taken: nothing could go on there."""
+    """REF of docs/methods.md 1.0, timed; a step beyond ``FARTHEST_M`` is not taken: no stage could go on from there."""
     started = clock()
     T_refined = refiner.refine(target, T_cam_obj, fixed)
     if distance_m(T_refined) > FARTHEST_M:

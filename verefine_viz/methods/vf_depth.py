@@ -31,7 +31,7 @@ Combination = tuple[Best, ...]
 
 @dataclass(frozen=True, eq=False)
 class SceneState:
-    """Where VF_d stands with a cluster of several objects."""
+    """State of VF_d in a cluster of several objects."""
 
     members: tuple[int, ...]
     """Indices of its instances that have a hypothesis, in dependency order."""
@@ -39,16 +39,16 @@ class SceneState:
     """Per member: the combination with the highest scene score ever seen."""
     incumbent_score: float
     n_passes: int = 0
-    """Passes that are closed."""
+    """Completed passes."""
     passing: Combination = ()
-    """Poses of the pass under way, of the first so many members."""
+    """Poses in the current pass, of the members that had their turn."""
     played: tuple[int | None, ...] = ()
-    """Arms of the pass under way; None where a member has used its budget and stands at its best pose."""
+    """Arms in the current pass; None where a member has used its budget and stays at its best pose."""
 
 
 @dataclass(frozen=True, eq=False)
 class DepthState(FrameState):
-    """Where VF_d stands with a frame."""
+    """State of VF_d in a frame."""
 
     scenes: tuple[SceneState | None, ...] = ()
     """Per cluster; None where it has fewer than two objects to solve."""
@@ -74,7 +74,7 @@ class DepthState(FrameState):
         return replace(self, scenes=(*self.scenes[:k], scene, *self.scenes[k + 1 :]))
 
     def placed_at(self, members: Sequence[int], poses: Sequence[Best]) -> tuple[Placed, ...]:
-        """The first of the members, as many as there are poses, at these poses."""
+        """The first members, as many as there are poses, placed at these poses."""
         targets = [self.problem.targets[i] for i in members[: len(poses)]]
         return tuple(
             Placed(t.instance.instance_id, t.model, best.T_cam_obj) for t, best in zip(targets, poses, strict=True)
@@ -106,13 +106,13 @@ class VfDepth(PerObject):
         k = self._cluster(state)
         if k is None:
             raise InputError("the run is over: every object has used its budget")
-        # The cluster at work, among what earlier clusters left. Sec. IV-C: its RIR bandits are initialized using the
-        # verification score, before the first iteration through its dependency list.
+        # The current cluster, among the objects that earlier clusters placed. Sec. IV-C: its RIR bandits are
+        # initialized using the verification score, before the first iteration through its dependency list.
         carried = self._carried(state, k)
         if carried and self._is_untouched(state, k):
             state = self._opened(state, k, carried)
         scene = state.scenes[k]
-        # A single object: RIR. Else the next object of the dependency list.
+        # A single object: RIR. Otherwise the next object of the dependency list.
         if scene is None:
             return super().step(state)
         return self._step_of_pass(state, k, scene, carried)
@@ -216,7 +216,7 @@ class VfDepth(PerObject):
             # The edited pose also counts together with the other poses of the best scene.
             combination = _with_pose(scene.incumbent, scene.members.index(i), o.arms[arm].current.as_best(arm))
             score = float(self._scene_scores(edited, scene.members, [combination], self._carried(edited, k)).score[0])
-            if self.prior == "scene":  # As for every first play, else its mean is on another scale than the rewards.
+            if self.prior == "scene":  # As for every first play: on the scale of the rewards.
                 arms = (*o.arms[:arm], replace(o.arms[arm], mean=score), *o.arms[arm + 1 :])
                 edited = edited.with_object(i, replace(o, arms=arms))
             if score > scene.incumbent_score:
@@ -227,7 +227,7 @@ class VfDepth(PerObject):
     def rescored(self, state: FrameState) -> FrameState:
         """
         Raises:
-            InputError: passes were scored already, and the poses of each are not known any more.
+            InputError: passes were already scored, and their poses are no longer known.
         """
         if isinstance(state, DepthState) and any(state.scenes):
             raise InputError(
@@ -287,7 +287,7 @@ class VfDepth(PerObject):
         return all(o is None or o.n_done == 0 for o in (state.objects[i] for i in clusters_of(state.problem)[k]))
 
     def _carried(self, state: DepthState, k: int) -> tuple[Placed, ...]:
-        """What earlier clusters left in the scene."""
+        """Objects that earlier clusters placed in the scene."""
         if not self.carry_clusters:
             return ()
         before = [i for cluster in clusters_of(state.problem)[:k] for i in cluster]
@@ -295,5 +295,5 @@ class VfDepth(PerObject):
 
 
 def _with_pose(combination: Combination, slot: int, best: Best) -> Combination:
-    """The combination with another pose of one member."""
+    """The combination with another pose for one member."""
     return (*combination[:slot], best, *combination[slot + 1 :])

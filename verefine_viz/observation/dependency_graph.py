@@ -29,12 +29,12 @@ from verefine_viz.observation.given_order import given_clusters, given_entries
 from verefine_viz.observation.visible_parts import VisiblePart, label, visible_parts
 
 ROUND_SHARE = 0.25
-"""A round body seen from above hides about so much of its height from the sensor, as a share of its diameter."""
+"""Height that a round body seen from above hides from the sensor, as a share of its diameter."""
 
 
 @dataclass(frozen=True)
 class _RuleResult:
-    """What one of the rules gives."""
+    """The outcome of one rule."""
 
     edges: tuple[Edge, ...]
     clusters: Groups
@@ -45,7 +45,7 @@ class _RuleResult:
 def dependency_graph(problem: Problem, settings: DependencySettings) -> DependencyGraph:
     """Clusters and order of a frame's instances, with the evidence; a given order wins over the rule.
 
-    It depends on what is in the frame, not on the order of ``problem.instances``.
+    It depends on the frame's content, not on the order of ``problem.instances``.
 
     Raises:
         InputError: the order file cannot be read.
@@ -70,7 +70,7 @@ def dependency_graph(problem: Problem, settings: DependencySettings) -> Dependen
 
 
 def _unknown_cuts(problem: Problem, settings: DependencySettings) -> tuple[str, ...]:
-    """Notes on instances that ``dependency.cut`` names and the frame does not have."""
+    """Notes on instances that ``dependency.cut`` names but the frame lacks."""
     ids = [i.instance_id for i in problem.instances]
     known = {*ids, *(one.instance_id for one in problem.left_out)}
     absent = dict.fromkeys(i for pair in settings.cut for i in pair if i not in known)
@@ -106,7 +106,7 @@ def _published(problem: Problem, parts: Sequence[VisiblePart], settings: Depende
 
 
 def _cut(parts: Sequence[VisiblePart], edges: Iterable[Edge], settings: DependencySettings) -> tuple[Edge, ...]:
-    """The edges, those that the settings leave out marked as cut."""
+    """The edges; those that the settings leave out are marked as cut."""
     marked = cut_between(edges, settings.cut)
     if settings.clusters == "components":
         return marked
@@ -120,7 +120,9 @@ def _no_plane(problem: Problem) -> tuple[str, ...]:
 
 
 def _hovering(parts: Sequence[VisiblePart], edges: Sequence[Edge], diameters_m: Mapping[int, float]) -> tuple[str, ...]:
-    """What stands neither on the plane nor on anything seen, though nothing hides its lower end but itself."""
+    """Notes on objects that rest neither on the plane nor on anything seen, though nothing else hides their lower
+    end.
+    """
     excused = {e.second for e in edges if e.kind in ("support", "occlusion")}
     heights_m = {
         p.name: lowest_m(p)
@@ -136,7 +138,7 @@ def _hovering(parts: Sequence[VisiblePart], edges: Sequence[Edge], diameters_m: 
 
 
 def _against_support(problem: Problem, clusters: Groups, edges: Sequence[Edge]) -> tuple[str, ...]:
-    """Where a given order solves an object before what carries it."""
+    """Notes where a given order solves an object before the one that supports it."""
     place = {i: k for k, i in enumerate(i for cluster in clusters for i in cluster)}
     return tuple(
         f"the given order solves {label(problem, e.second)} before {label(problem, e.first)}, which seems to carry it "

@@ -17,14 +17,15 @@ from verefine_viz.observation.dependency_order import Groups
 from verefine_viz.observation.visible_parts import label
 
 InstanceName = Annotated[str, Meta(pattern=r"^#\d{1,9}$")]
-"""An instance: ``#4``."""
+"""An instance in an order: ``#4``."""
 Entries = Sequence[Sequence[int | str]]
 _ENTRIES = tuple[tuple[int | InstanceName, ...], ...]
 EXPECTED = 'a list of clusters of object ids, or "#4" for instance 4, as [[8, 2], [3]]'
 
 
 def given_entries(settings: DependencySettings, problem: Problem) -> Entries | None:
-    """What the settings, or else their file, or else the frame's own data give as its order; None where none does.
+    """The order of the frame from the settings, else from their file, else from the frame's own data; None where none
+    gives one.
 
     Raises:
         InputError: the file cannot be read.
@@ -38,7 +39,7 @@ def given_entries(settings: DependencySettings, problem: Problem) -> Entries | N
 
 
 def read_orders(path: Path) -> dict[str, Entries]:
-    """All orders of a file, by frame.
+    """All orders in a file, by frame.
 
     Raises:
         InputError: the file cannot be read, or holds something else.
@@ -50,7 +51,7 @@ def checked(value: object, where: str) -> Entries:
     """``value`` as entries.
 
     Raises:
-        SettingsError: it is something else; the text begins with ``where``.
+        SettingsError: ``value`` is not a list of entries; the message begins with ``where``.
     """
     try:
         return msgspec.convert(value, _ENTRIES)
@@ -64,7 +65,7 @@ def given_clusters(problem: Problem, entries: Entries, rest: Sequence[int]) -> t
     Args:
         problem: the frame.
         entries: clusters of object ids or "#" and an instance id.
-        rest: all instance ids; those that are not named come behind, in this order, each a cluster of its own.
+        rest: all instance ids; those that no entry names follow at the end in this order, each a cluster of its own.
     """
     notes: list[str] = []
     seen: set[int] = set()
@@ -88,7 +89,7 @@ def given_clusters(problem: Problem, entries: Entries, rest: Sequence[int]) -> t
 
 
 def _instances(problem: Problem, entry: int | str, notes: list[str]) -> list[int]:
-    """The instances that an entry names, with a note where it is not exactly one."""
+    """The instances that an entry names, with a note where there is not exactly one."""
     if isinstance(entry, str):
         ids = [i.instance_id for i in problem.instances]
         wanted = int(entry[1:])

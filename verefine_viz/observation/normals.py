@@ -3,8 +3,8 @@
 A plane is linear in inverse depth: ``n · X = d`` with ``X = z (x, y, 1)`` gives ``1/z = (n_x x + n_y y + n_z) / d`` on
 the normalised image plane, so the normal is the gradient of ``1/z`` there, and a least-squares fit of ``1/z`` is exact
 on tilted planes whatever the window. The fit is separable: slopes along rows first, then those of the rows along
-columns, each from running sums, so its cost does not grow with the window. docs/methods.md 1.8.5 has what goes wrong
-otherwise.
+columns, each from running sums, so its cost does not grow with the window. docs/methods.md 1.8.5 shows how other fits
+fail.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from verefine_viz.core.scores import PixelGrid
 WINDOW_M = 0.008
 """Half-width of the fitted window on a surface that faces the camera [m]."""
 MIN_WINDOW_PX = 2
-"""Smallest half-width [px]: three samples are the least a slope can be checked with."""
+"""Smallest half-width [px]: three samples are the fewest that can check a slope."""
 MAX_WINDOW_PX = 12
-"""Largest half-width [px]: where the camera is very near."""
+"""Largest half-width [px], reached where the camera is very near."""
 JUMP_M = 0.006
-"""Step between neighbouring pixels that ends a surface, up to 1 m away [m]; grows with z² beyond, as noise does."""
+"""Depth step between neighbouring pixels that ends a surface, up to 1 m away [m]; beyond, it grows with z², as noise
+does."""
 
 
 def estimate_normals(
@@ -31,8 +32,8 @@ def estimate_normals(
 ) -> NDArray[np.float32]:
     """Unit normals towards the camera, (H, W, 3) in the camera frame; 0 where none could be estimated.
 
-    A window is metric (``window_m`` to each side, so fewer pixels far away), stops at depth jumps and at pixels without
-    depth, and may lie to one side of its pixel there.
+    A window is metric (``window_m`` to each side, so fewer pixels far away). It stops at depth jumps and at pixels
+    without depth, where its pixel may lie off its middle.
 
     Args:
         depth_m: z, (H, W) [m]; 0 where nothing was measured.
@@ -53,7 +54,7 @@ def _is_jump(z: float, z_next: float) -> bool:
 
 @kernel()
 def _half_window(z: float, focal_px: float, window_m: float) -> int:
-    # Clamped before it becomes a whole number, which a camera of any focal length must.
+    # Clamped before it becomes an integer, which a huge focal length would overflow.
     return round(min(max(MIN_WINDOW_PX, window_m * focal_px / z), MAX_WINDOW_PX))
 
 
@@ -61,8 +62,8 @@ def _half_window(z: float, focal_px: float, window_m: float) -> int:
 def _fit_rows(
     depth: np.ndarray, fx: float, window_m: float, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Per pixel of the columns, from a line through ``1/z`` along the row: its slope per pixel, its value here, the
-    slope's weight.
+    """For each pixel of the columns, a line fitted to ``1/z`` along the row: its slope per pixel, its value at the
+    pixel, the slope's weight.
     """
     h, w = depth.shape
     slope = np.zeros((h, len(columns)))

@@ -1,4 +1,4 @@
-"""From a sensor frame to an :class:`Observation`, once per frame; and the observed cloud of each instance."""
+"""Makes an :class:`Observation` of a sensor frame, once per frame, and the observed cloud of each instance."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.observation.support_plane import find_support
 
 NEAREST_M = 1e-4
-"""Depth below is none, which no camera measures, and of which normals cannot be worked out [m]."""
+"""Smaller depth counts as not measured: no camera measures it, and it has no usable normals [m]."""
 
 
 def observe(
@@ -28,7 +28,7 @@ def observe(
     R_world_cam: Float | None = None,
     T_map_cam: Float | None = None,
 ) -> Observation:
-    """Normals, union of the masks, support plane and gravity of one frame.
+    """The normals, union of the masks, support plane and gravity of one frame.
 
     A frame without a plane is no error: its ``support`` is None and ``support_note`` gives the reason.
 
@@ -38,8 +38,8 @@ def observe(
         rgb: (H, W, 3), or None.
         masks: (H, W) of every instance in the frame.
         settings: where gravity comes from, and the seed.
-        R_world_cam: (3, 3) camera to world, world z up, where the data set knows it.
-        T_map_cam: (4, 4) camera to the data set's world, where the data set says where that is [m].
+        R_world_cam: (3, 3) camera to world, world z up, where the data set gives it.
+        T_map_cam: (4, 4) camera to the data set's world [m], where the data set gives it.
     """
     object_mask = np.zeros(camera.shape, dtype=bool)
     for mask in masks:

@@ -1,6 +1,7 @@
-"""The world as the depth image shows it: what no object's mask explains stays where it is, and supports and stops them.
+"""The surroundings as the depth image shows them: what lies outside the objects' masks is fixed, and supports and stops
+the objects.
 
-What stands alone on the support and has no model becomes an unknown object; the rest becomes surfaces
+A body that stands alone on the support and has no model becomes an unknown object; the rest becomes surfaces
 (``support_surfaces.py``) and, where it rises from them, small convex solids. docs/methods.md 7.4.
 """
 
@@ -28,37 +29,37 @@ from verefine_viz.observation.support_surfaces import (
 )
 
 AROUND_M = 0.15
-"""What is further from all objects does not count, seen from above [m]."""
+"""Points farther than this from all objects, seen from above, do not count [m]."""
 ABOVE_M = 0.10
-"""Nor what is this much higher than the highest of them [m]."""
+"""Nor do points this much higher than the highest object [m]."""
 EDGE_PX = 6
 """Pixels this near to a mask may show its object: masks end early, and depth is wrong at edges (640 pixels wide)."""
 FEWEST_PIXELS = 200
-"""With fewer outside of the objects nothing is known of the surroundings."""
+"""With fewer points outside of the objects, the surroundings are unknown."""
 RISES_M = 0.010
-"""What is further than this from all surfaces is no part of them [m]."""
+"""Points farther than this from all surfaces do not belong to one [m]."""
 VOXEL_M = 0.010
 """Points of neighbouring voxels belong together [m]."""
 FEWEST_POINTS = 60
-"""A smaller cluster is noise."""
+"""Fewest points of a cluster; a smaller one is noise."""
 LEAK_M = 0.020
 """A cluster this close to an object [m] …"""
 LEAK_SHARE = 0.6
-"""… with this share of its points is the object's own, beside a mask that is too small."""
+"""… with this share of its points belongs to the object, whose mask is too small."""
 LARGEST_M, LOWEST_M = 0.40, 0.015
-"""An unknown object is at most this large, and at least so high [m]."""
+"""Largest size of an unknown object, and its least height [m]."""
 STANDS_M = 0.05
-"""Its lowest point is at most this far above a surface: what is below may be hidden [m]."""
+"""Largest height of its lowest point above a surface [m]; the part below may be hidden."""
 INSIDE_M, INSIDE_SHARE = 0.005, 0.001
-"""No more than this share of the objects' points is further than that inside of it [m]."""
+"""Largest share of the objects' points that may lie deeper inside of it than this [m]."""
 SEEN_THROUGH = 0.15
-"""Share of the rays through its hull that may at most go on to something behind it."""
+"""Largest share of the rays through its hull that may reach something behind it."""
 BLOCK_M = 0.05
 """Side of the blocks that become one convex solid each [m]."""
 THICK_M = 0.03
-"""Thickness away from the camera of what else rises [m]."""
+"""Thickness, away from the camera, of the other solids that rise from a surface [m]."""
 THICKEST_M, THINNEST_M = 0.10, 0.005
-"""Thickness of what is below a surface [m]."""
+"""Thickness of the solid below a surface [m]."""
 MOST_CORNERS = 48
 """Corners of a convex solid that stands for many points."""
 
@@ -66,12 +67,12 @@ MOST_CORNERS = 48
 def observed_surroundings(
     observation: Observation, support: Support, dropped: Collection[int] = ()
 ) -> Surroundings | None:
-    """The surroundings of the objects in a frame, from its depth image; None where too little is seen of them.
+    """The surroundings of the objects in a frame, from its depth image; None where too little of them is seen.
 
     Args:
         observation: the frame; all masks of it count as objects.
         support: its support plane, where surfaces are looked for first, and which way is up.
-        dropped: numbers of unknown objects that are to stop nothing.
+        dropped: numbers of unknown objects that must not stop anything.
     """
     objects = apply(support.T_world_cam, _points_of(observation, observation.object_mask))
     if not len(objects):
@@ -79,7 +80,7 @@ def observed_surroundings(
     spacing_m = _spacing_m(observation)
     stride = max(1, int(CELL_M / 3 / spacing_m))
     seen = _outside_of_objects(observation, support, stride)
-    # Masks leak: a few pixels far behind do not decide what is near.
+    # Masks leak: a few pixels far behind must not decide which points are near.
     first, last = np.quantile(objects, [0.01, 0.99], axis=0)
     low, high = first[:2] - AROUND_M, last[:2] + AROUND_M
     is_near = ((seen.points[:, :2] >= low) & (seen.points[:, :2] <= high)).all(axis=1)
@@ -129,21 +130,23 @@ class _Seen:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """What decides whether a cluster is an object of its own."""
+    """The data that decide whether a cluster is an object of its own."""
 
     observation: Observation
     support: Support
     plane: SupportSurface
     objects: KDTree
-    """Tree of points of the objects, world [m]."""
+    """Search tree of the objects' points, world [m]."""
     low: Float
-    """(2,) where what counts begins, seen from above …"""
+    """(2,) lowest x and y of the region that counts …"""
     high: Float
-    """… and ends [m]."""
+    """… and highest [m]."""
 
 
 def convex_model(points: Float, name: str) -> ObjectModel | None:
-    """The convex hull of points (n, 3), of many with about ``MOST_CORNERS`` corners; None where it has no volume."""
+    """The convex hull of points (n, 3), with about ``MOST_CORNERS`` corners where there are many; None where it has no
+    volume.
+    """
     if len(points) > MOST_CORNERS:
         points = points[np.unique((points @ _directions(MOST_CORNERS).T).argmax(axis=0))]
     try:
@@ -197,7 +200,7 @@ def _every(stride: int, shape: tuple[int, int]) -> Mask:
 
 
 def _mask(pixels: NDArray[np.int64], shape: tuple[int, int], stride: int) -> Mask:
-    """The pixels (n, 2), which are every ``stride``-th, with those between them."""
+    """The pixels (n, 2), every ``stride``-th, together with those between them."""
     mask = np.zeros(shape, dtype=bool)
     mask[tuple(pixels.T)] = True
     grown = ndimage.binary_dilation(mask, np.ones((stride, stride)))
@@ -205,7 +208,7 @@ def _mask(pixels: NDArray[np.int64], shape: tuple[int, int], stride: int) -> Mas
 
 
 def _clusters(points: Float, rising: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Indices of the points of each group that is apart from others, the largest first."""
+    """Indices of the points of each separate group, the largest first."""
     if len(rising) < FEWEST_POINTS:
         return []
     voxels = np.floor((points[rising] - points[rising].min(axis=0)) / VOXEL_M).astype(np.int64)
@@ -222,7 +225,9 @@ def _clusters(points: Float, rising: NDArray[np.intp]) -> list[NDArray[np.intp]]
 def _unknown_objects(
     near: _Seen, view: _View, stride: int, dropped: Collection[int]
 ) -> tuple[tuple[UnknownObject, ...], NDArray[np.bool_]]:
-    """Clusters that are objects of their own, the largest first, and which points are of these or of an object."""
+    """Clusters that are objects of their own, the largest first, and which points belong to them or to a known
+    object.
+    """
     is_explained = np.zeros(len(near.points), dtype=bool)
     unknown: list[UnknownObject] = []
     for cluster in _clusters(near.points, np.flatnonzero(view.plane.heights(near.points) > RISES_M)):
@@ -242,7 +247,7 @@ def _is_leak(points: Float, view: _View) -> bool:
 
 
 def _standing_alone(points: Float, pixels: NDArray[np.int64], view: _View) -> ObjectModel | None:
-    """A cluster as one convex solid down to the plane; None where it is no object that is seen whole."""
+    """A cluster as one convex solid down to the plane; None where it is not an object seen as a whole."""
     heights, extent = view.plane.heights(points), np.ptp(points, axis=0)
     first, last = points[:, :2].min(axis=0) - VOXEL_M, points[:, :2].max(axis=0) + VOXEL_M
     camera = view.observation.camera
@@ -256,7 +261,7 @@ def _standing_alone(points: Float, pixels: NDArray[np.int64], view: _View) -> Ob
     inward, offsets = _planes(model)
     if np.mean((view.objects.data @ inward.T + offsets > INSIDE_M).all(axis=1)) > INSIDE_SHARE:
         return None
-    # What the camera sees through the hull is no part of it.
+    # Where the camera sees through the hull, there is no object.
     T_world_cam = view.support.T_world_cam
     behind = apply(T_world_cam, _points_of(view.observation, _every(max(1, camera.width // 160), camera.shape)))
     eye = T_world_cam[:3, 3]
@@ -276,7 +281,7 @@ def _planes(model: ObjectModel) -> tuple[Float, Float]:
 
 
 def _through(eye: Float, to: Float, inward: Float, offsets: Float) -> tuple[Float, Float]:
-    """Where the rays from ``eye`` to points (n, 3) are inside of a convex solid: shares (n,) of the way, in and out."""
+    """Where the rays from ``eye`` to points (n, 3) enter and leave a convex solid, as shares (n,) of the way."""
     at_eye = inward @ eye + offsets
     slope = (to - eye) @ inward.T
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -288,13 +293,13 @@ def _through(eye: Float, to: Float, inward: Float, offsets: Float) -> tuple[Floa
 
 
 def _below(plane: SupportSurface, points: Float) -> SupportSurface:
-    """A plane below all that was seen."""
+    """A plane below everything that was seen."""
     lowest = float(np.quantile(plane.heights(points), 0.001))
     return SupportSurface(plane.normal_world, plane.offset_m - lowest + THICKEST_M, plane.outline_xy)
 
 
 def _thickness(surface: SupportSurface, seen: Float) -> float:
-    """How thick [m] the solid below a surface may be: as what is seen below it allows."""
+    """Largest thickness [m] of the solid below a surface that the points seen below it allow."""
     heights = surface.heights(seen)
     inside = surface.reaches(seen[:, :2], -0.02) & (heights < -RISES_M)
     gaps = -heights[inside] - THINNEST_M
@@ -308,7 +313,7 @@ def _rises(points: Float, surface: SupportSurface, thick_m: float) -> NDArray[np
 
 
 def _solids(points: Float, view: _View) -> list[ObjectModel]:
-    """What is near the objects in blocks, each a convex solid with some thickness away from the camera."""
+    """The points near the objects in blocks, each a convex solid with some thickness away from the camera."""
     near = view.objects.query(points, distance_upper_bound=AROUND_M)[0] <= AROUND_M
     solids = []
     for cluster in (points[of] for of in _clusters(points, np.flatnonzero(near))):

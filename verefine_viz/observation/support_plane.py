@@ -1,7 +1,8 @@
 """The plane that carries the objects, and which way is up.
 
 Several planes are taken from the background near the objects by RANSAC, the largest first; the one that carries the
-objects (they lie above it and reach down to it) is refined by least squares. docs/methods.md 7.1 has the first steps.
+objects (they lie above it and reach down to it) is refined by least squares. docs/methods.md 7.1 describes the first
+steps.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from verefine_viz.core.observation import ON_PLANE_M, GravitySource, Support
 Gravity = Literal["plane", "world"] | tuple[float, float, float]
 
 MAX_PLANES = 4
-"""Planes tried: table, wall, shelf, box."""
+"""Most planes tried: table, wall, shelf, box."""
 RANSAC_POINTS = 4000
 """Points of the background that RANSAC sees."""
 RANSAC_TRIALS = 400
-"""Triples tried per plane: misses a plane with 30 % of the points once in 50 000 times."""
+"""Triples tried per plane; a plane with 30 % of the points is missed once in 50 000 times."""
 MIN_SHARE = 0.10
 """Share of the background near the objects that a plane must hold."""
 MIN_POINTS = 200
@@ -34,11 +35,11 @@ MIN_POINTS = 200
 MAX_TILT_RAD = np.radians(30.0)
 """Angle between a plane's normal and a known "up" beyond which nothing would stay on it."""
 ROUNDS = 4
-"""Fits at each tolerance, each to the points near the plane before it."""
+"""Number of fits at each tolerance, each to the points near the previous plane."""
 NARROWER = (1.0, 0.5, 0.25)
-"""Shares of the tolerance, one after another: a keyboard on the table, or its bent edge, lies within the whole one and
-tilts the plane. In five YCB-Video frames of one table the ground truth of a mug leans by 2.6° against this plane, by
-5.7° against that of the whole tolerance."""
+"""Shares of the tolerance, one after another: a keyboard on the table, or the table's bent edge, lies within the full
+tolerance and tilts the plane. In five YCB-Video frames of one table the ground truth of a mug leans by 2.6° against
+this plane, by 5.7° against that of the full tolerance."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Plane:
 
     @staticmethod
     def towards_camera(normal: Float, offset_m: float) -> Plane:
-        """The plane ``normal · p + offset_m = 0``, of a normal (3,) of any length and either sign."""
+        """The plane ``normal · p + offset_m = 0``, for a normal (3,) of any length and either sign."""
         length = float(np.linalg.norm(normal))
         sign = 1.0 if offset_m >= 0 else -1.0  # the camera is the origin, whose height is the offset
         return Plane(sign * normal / length, sign * offset_m / length)
@@ -69,14 +70,14 @@ class Plane:
 def fitted(plane: Plane, points: Float, tolerance_m: float) -> Plane:
     """The plane of the points (n, 3) that lie within ``tolerance_m`` of ``plane``, which at least three do.
 
-    That of least squares: first of all of them, then of those ever closer to it.
+    Fitted by least squares: first to all of them, then to ever closer ones.
     """
     most = 0
     for share in np.repeat(NARROWER, ROUNDS):
         n, centre, scatter = _moments(points, plane.normal, plane.offset_m, share * tolerance_m)
         most = max(most, n)
         if 2 * n < most:
-            break  # noise is wider than what was to be excluded
+            break  # The noise is wider than the deviations to be excluded.
         normal = np.linalg.eigh(scatter)[1][:, 0]
         plane = Plane.towards_camera(normal, float(-normal @ centre))
     return plane
@@ -84,7 +85,8 @@ def fitted(plane: Plane, points: Float, tolerance_m: float) -> Plane:
 
 @kernel()
 def _moments(points: Float, normal: Float, offset_m: float, tolerance_m: float) -> tuple[int, Float, Float]:
-    """Number, mean (3,) and scatter (3, 3) of the points on the plane; around the mean, as sums of squares cancel.
+    """Number, mean (3,) and scatter (3, 3) of the points on the plane; around the mean, as sums of squares would
+    cancel.
 
     Compiled, as it takes all pixels of a frame.
     """
@@ -122,7 +124,7 @@ def find_support(
         depth_m: z, (H, W) [m]; 0 where nothing was measured.
         camera: intrinsics.
         object_mask: (H, W) pixels of all objects.
-        gravity: "plane" (the plane's normal is up), "world" (``R_world_cam`` knows), or the direction of gravity in
+        gravity: "plane" (the plane's normal is up), "world" (from ``R_world_cam``), or the direction of gravity in
             the camera frame (an IMU's reading, of any length).
         R_world_cam: (3, 3) camera to world, world z up; needed for "world".
         seed: of the plane search.
@@ -170,7 +172,7 @@ def _known_up(gravity: Gravity, R_world_cam: Float | None) -> Float | None:
 
 
 def _near(background: Float, objects: Float) -> Float:
-    """The background that is not farther away than the objects are (their depth's mean plus one deviation)."""
+    """The background no farther away than the objects (mean of their depth plus one standard deviation)."""
     if len(objects) == 0:
         return background
     z = objects[:, 2]
@@ -197,10 +199,10 @@ def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int
     # Open3D's generator is global: seeded right before each use, the answer depends on the seed alone.
     for _ in range(MAX_PLANES):
         if len(sample) < max(3, MIN_SHARE * n_sample, best_worth * n_sample):
-            break  # no plane in what remains can be worth more than the best so far
+            break  # No plane in the remaining points can be worth more than the best so far.
         o3d.utility.random.seed(int(rng.integers(2**31)))
         cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(sample))
-        # probability 1 runs every trial: an early stop would depend on how threads happen to interleave.
+        # Probability 1 runs every trial: an early stop would depend on the timing of threads.
         coefficients, inlier_idx = cloud.segment_plane(ON_PLANE_M, 3, RANSAC_TRIALS, 1.0)
         plane = Plane.towards_camera(np.array(coefficients[:3]), float(coefficients[3]))
         share = len(inlier_idx) / n_sample

@@ -19,7 +19,7 @@ DoubtRole = Literal["mask", "edges", "given", "fits"]
 
 
 class ScoreNumbers(Part, frozen=True):
-    """A score with its parts; they are null where it is not of Eq. 1."""
+    """A score with its parts, which are null for a score other than Eq. 1."""
 
     score: float
     depth_fit: float | None
@@ -27,7 +27,7 @@ class ScoreNumbers(Part, frozen=True):
     colour_fit: float | None
     plausibility: float | None
     n: int
-    """Pixels that count."""
+    """Number of pixels that count."""
     counts: dict[str, int]
     """Pixels by class."""
     err: float | None
@@ -40,13 +40,13 @@ class MapScale(Part, frozen=True):
     """What the colours of maps are relative to."""
 
     depth: tuple[float, float]
-    """Nearest and farthest [m], one for all poses of these objects."""
+    """Nearest and farthest depth [m], the same for all poses of these objects."""
     tau_mm: float
     colour_weight: float
 
 
 class StoredArray(Part, frozen=True, array_like=True):
-    """Where an array lies in a blob; ``[name, dtype, offset, n, step]``."""
+    """Position of an array in a blob; ``[name, dtype, offset, n, step]``."""
 
     name: str
     dtype: str
@@ -55,14 +55,14 @@ class StoredArray(Part, frozen=True, array_like=True):
     n: int
     """Number of values."""
     step: float | None = None
-    """In a file whole numbers of this step are stored, the highest of the type is no value."""
+    """In a file, arrays are stored as whole numbers of this step; the highest of the type means no value."""
 
 
 class MapsAnswer(Answer, frozen=True):
     """The score of a pose, or of several together, pixel by pixel.
 
-    Arrays over the region: rendered [m], 0 = none; angle [rad]; f_d; f_n; classes, 0 = none; counted; and of a model
-    with colours correlation and rendered_rgb, which a shared file has only where colour counts. NaN = no value.
+    Arrays over the region: rendered [m], 0 = none; angle [rad]; f_d; f_n; classes, 0 = none; counted; and for a model
+    with colours, correlation and rendered_rgb, which a shared file has only where colour counts. NaN = no value.
     """
 
     region: Box
@@ -74,14 +74,14 @@ class MapsAnswer(Answer, frozen=True):
 
 
 class OutlinesAnswer(Answer, frozen=True):
-    """For each pose that was asked for its polygons."""
+    """Polygons of each pose that was asked for."""
 
     outlines: Sequence[Sequence[Polygon]]
     """A polygon is [u, v, u, v, …] px, closed; pixel centres are whole."""
 
 
 class DoubtShape(Part, frozen=True):
-    """What is drawn of a doubt: masks, edges of depth, models as the data have them and as they would fit."""
+    """Layers that show a doubt: masks, edges of depth, models as the data place them and as they would fit."""
 
     role: DoubtRole
     label: str
@@ -91,13 +91,13 @@ class DoubtShape(Part, frozen=True):
 
 
 class DoubtAnswer(Answer, frozen=True):
-    """What shows a doubt about the data in the image."""
+    """The evidence of a doubt about the data in the image."""
 
     shapes: Sequence[DoubtShape]
 
 
 class ShadedAnswer(Answer, frozen=True):
-    """A model as it would look: RGBA, once or twice as fine as the image."""
+    """A model as it would look: RGBA, at the image's resolution or twice that."""
 
     region: Box
     """[u0, v0, width, height]."""
@@ -115,7 +115,7 @@ class FilmAnswer(Answer, frozen=True):
 
 
 class PosePhysics(Part, frozen=True):
-    """What geometry says of a pose; null where physics is not asked, and of what only a picture needs."""
+    """Geometry of a pose; null where physics is not asked, and for what only a picture needs."""
 
     obj: int
     name: str
@@ -134,7 +134,7 @@ class PosePhysics(Part, frozen=True):
     """Whether friction at the contacts can hold it; null where that is unknown."""
     touches: Sequence[str] | None = None
     outline: Sequence[Point] | None = None
-    """From above, as the three below."""
+    """Footprint, seen from above as the three below."""
     polygon: Sequence[Point] | None = None
     """The support polygon."""
     com: Point | None = None
@@ -146,14 +146,14 @@ class PlaneFit(Part, frozen=True):
     """How well the support plane fits."""
 
     share: float
-    """Share of the background that lies on it."""
+    """Share of the background on the plane."""
     rms_mm: float
     tilt_deg: float
     """Between its normal and gravity."""
 
 
 class UnknownSolid(Part, frozen=True):
-    """An object that the depth image shows and no model explains."""
+    """An object in the depth image that no model explains."""
 
     number: int
     size_mm: Sequence[float]
@@ -163,7 +163,7 @@ class UnknownSolid(Part, frozen=True):
 
 
 class SupportAround(Part, frozen=True):
-    """What supports and stops the objects."""
+    """The surroundings: what supports and stops the objects."""
 
     source: str
     """plane: nothing else; observed: what the depth image shows; mesh: a mesh of the surroundings."""
@@ -174,16 +174,16 @@ class SupportAround(Part, frozen=True):
 
 
 class OverlappingPair(Part, frozen=True):
-    """Two objects that are partly in the same place."""
+    """An overlap of two objects."""
 
     first: int
-    """The one that is solved later."""
+    """The object that is solved later."""
     second: int
     depth_mm: float
 
 
 class TouchedPartner(Part, frozen=True):
-    """What is touched at the end of a step."""
+    """A body that is touched at the end of a step."""
 
     name: str
     n: int
@@ -194,24 +194,24 @@ class TouchedPartner(Part, frozen=True):
 
 
 class TippingMoment(Part, frozen=True):
-    """Where the centre of mass leaves the support."""
+    """The moment at which the centre of mass leaves the support."""
 
     step: int
     overhang_mm: float
 
 
 class SimulatedMotion(Part, frozen=True):
-    """What the simulation did in the latest iteration of the object."""
+    """The simulation in the latest iteration of the object."""
 
     k: int
     n: int
     """Number of poses: one more than steps."""
     poses: Sequence[Pose]
     moved_mm: Sequence[float]
-    """From the first pose, at each."""
+    """Distance from the first pose, at each pose."""
     turned_deg: Sequence[float]
     contacts: Sequence[Sequence[TouchedPartner]]
-    """At the end of each step, the hardest pressed first."""
+    """Contacts at the end of each step, the strongest first."""
     has_contacts: bool
     """Whether the simulator gives contacts."""
     tipping: TippingMoment | None
@@ -219,16 +219,16 @@ class SimulatedMotion(Part, frozen=True):
 
 
 class PhysicsAnswer(Answer, frozen=True):
-    """Whether the objects can stand where they are, and what the simulation did."""
+    """Whether the objects' poses are stable, and what the simulation did."""
 
     empty: str
     """Why nothing is simulated; "" where it is."""
     doubts: Sequence[str]
     surroundings: SupportAround | None
     objects: Sequence[PosePhysics]
-    """Where each stands."""
+    """Each object at its current pose."""
     poses: Sequence[PosePhysics]
-    """Poses of the object asked for: before and after, with what a picture needs."""
+    """Examined poses of the focus: before and after, with the data for a picture."""
     overlaps: Sequence[OverlappingPair]
     """Deepest first."""
     path: SimulatedMotion | None
@@ -242,14 +242,14 @@ class ScoreCurve(Part, frozen=True):
 
     axis: int
     frame: str
-    """Whose axis it is."""
+    """Frame of the axis."""
     kind: Literal["shift", "turn"]
     words: str
     unit: Literal["mm", "°"]
     offsets: Sequence[float]
     scores: Sequence[float]
     low: float
-    """Offsets between which the score cannot tell."""
+    """Range of offsets that the score cannot distinguish."""
     high: float
     width: str
     """In words: ±0.3 mm."""
@@ -264,7 +264,7 @@ class CurvesAnswer(Answer, frozen=True):
     score: float
     curves: Sequence[ScoreCurve]
     undetermined: str
-    """The least certain of them, in words."""
+    """The least certain axis, in words."""
     undetermined_mm: float
     undetermined_deg: float
 
@@ -288,23 +288,23 @@ class SliceAnswer(Answer, frozen=True):
 
 
 class OtherPose(Part, frozen=True):
-    """A pose elsewhere that fits as well."""
+    """A distant pose that fits as well."""
 
     T: Pose
     score: float
     score_of_answer: float
     noise: float
-    """Difference of both that the noise of the image explains."""
+    """Difference of both scores that the noise of the image explains."""
     apart_mm: float
     words: str
 
 
 class OtherAnswer(Answer, frozen=True):
-    """Answer to `landscape`: what fits as well elsewhere."""
+    """Answer to `landscape`: distant poses that fit as well."""
 
     other: OtherPose | None
     near: Sequence[str]
-    """Turns after which the shape nearly looks the same, in words."""
+    """Turns after which the shape looks nearly the same, in words."""
 
 
 # compare
@@ -329,19 +329,19 @@ class DifferingSetting(Part, frozen=True, array_like=True):
 
 
 class RunDeparture(Part, frozen=True):
-    """Where B begins to do otherwise than A."""
+    """The first difference of B from A."""
 
     place: int
     """Number of the pair, from 1; 0 = before iteration 1."""
     kind: str
     text: str
-    """What B does, to go on behind "B"."""
+    """What B does, as a phrase that follows "B"."""
     a: int | None
     b: int | None
 
 
 class ComparedAnswer(Part, frozen=True):
-    """The answer of one of both runs for an object."""
+    """One run's answer for an object."""
 
     score: float
     """By the run's own settings."""
@@ -363,11 +363,11 @@ class ObjectInBoth(Part, frozen=True):
     a: ComparedAnswer | None
     b: ComparedAnswer | None
     winner: Literal["A", "B", "even"] | None
-    """Nearer to ground truth, or where none is known of the higher score; null where that cannot be said."""
+    """The run nearer to the ground truth or, without it, of the higher score; null where this is open."""
 
 
 class RunEffort(Part, frozen=True):
-    """What a run has cost so far."""
+    """Cost of a run so far."""
 
     iterations: int
     planned: int
@@ -378,7 +378,7 @@ class RunEffort(Part, frozen=True):
 
 
 class BothEfforts(Part, frozen=True):
-    """What both runs have cost so far."""
+    """Costs of both runs so far."""
 
     a: RunEffort
     b: RunEffort
@@ -393,12 +393,12 @@ class CompareAnswer(Answer, frozen=True):
     """Whether both score by the same rule."""
     pairs: Sequence[RunPair]
     departures: Sequence[RunDeparture]
-    """The first other deed, the first other score."""
+    """The first differing action, and the first differing score."""
     words: str
-    """Where they part."""
+    """Where they diverge, in words."""
     rows: Sequence[ObjectInBoth]
     frame: tuple[float, float] | None
-    """How well all answers of A, and of B, explain the frame together; null for one object."""
+    """Scores of A's answers and of B's, each set as one scene; null for a single object."""
     effort: BothEfforts
 
 
@@ -414,16 +414,16 @@ class RefinerStepShown(Part, frozen=True):
 
 
 class CropsAnswer(Answer, frozen=True):
-    """What a learned refiner saw and answered in an iteration."""
+    """Inputs and outputs of a learned refiner in an iteration."""
 
     k: int | None
-    """The latest that worked on the object; null = none did."""
+    """The latest iteration on the object; null = none."""
     empty: str
     """Why there are no steps."""
     steps: Sequence[RefinerStepShown] = ()
     refiner: str = ""
     start: str = ""
-    """How far from the ground truth it began, and up to where it was trained, in words."""
+    """How far from the ground truth it began, and how far it was trained for, in words."""
 
 
 class RecordedPose(Part, frozen=True):
@@ -454,11 +454,11 @@ class SequenceLane(Part, frozen=True):
     object: int
     """Its model."""
     words: str
-    """How it moves; "" where the frames are no sequence."""
+    """How it moves; "" where the frames are not a sequence."""
 
 
 class SequenceMark(Part, frozen=True, array_like=True):
-    """What stands out; ``[lane, frame, kind]``, both by their places."""
+    """A mark; ``[lane, frame, kind]``, both by index."""
 
     lane: int
     frame: int
@@ -478,14 +478,14 @@ class SequenceAnswer(Answer, frozen=True):
     """Name of the batch; "" = none."""
     scene: int
     scenes: Sequence[int]
-    """All that there are."""
+    """All scenes."""
     frames: Sequence[str]
     lanes: Sequence[SequenceLane]
     marks: Sequence[SequenceMark]
     reference: Literal["world", "camera"]
-    """What motions are relative to."""
+    """Frame of reference of the motions."""
     legend: dict[str, str]
-    """What each kind of mark means; empty where the frames are no sequence."""
+    """Meaning of each kind of mark; empty where the frames are not a sequence."""
     jump_mm: float
     """Larger changes are jumps."""
     jump_deg: float
@@ -506,21 +506,21 @@ class GraspFrame(Part, frozen=True):
 
 
 class GraspOutcome(Part, frozen=True):
-    """How a simulated grasp ends, and what it did; empty where none was carried out."""
+    """How a simulated grasp went and ended; empty where none was carried out."""
 
     verdict: str
     good: bool
     source: str
-    """Where grasps come from: annotated or sampled."""
+    """Source of the grasps: annotated or sampled."""
     free: int
-    """Grasps in which the gripper meets nothing."""
+    """Grasps in which the gripper hits nothing."""
     blocked: int
     words: str
     """Why none was carried out."""
     n: int = 0
     """Moments."""
     stages: Sequence[str] = ()
-    """By moment, as all below."""
+    """One per moment, as all below."""
     gap_mm: Sequence[float] = ()
     """Between the fingers."""
     force_n: Sequence[Sequence[float]] = ()
@@ -528,7 +528,7 @@ class GraspOutcome(Part, frozen=True):
     rise_mm: Sequence[float] = ()
     """Rise of the object since the start."""
     touches: Sequence[Sequence[str]] = ()
-    """What the gripper presses on."""
+    """Bodies that the gripper presses on."""
     frames: Sequence[GraspFrame] = ()
 
 
@@ -540,14 +540,14 @@ class GraspAnswer(Answer, frozen=True):
 
 
 class GoneAnswer(Answer, frozen=True):
-    """What was asked for cannot be given."""
+    """An answer that cannot be given."""
 
     gone: str
     """Why."""
 
 
 class RefinedAnswer(Answer, frozen=True):
-    """Where refining a pose ends, and what verifies it."""
+    """The result of refining a pose, with its verification."""
 
     T: Pose
     """The proposed pose itself where nothing scores higher."""
@@ -555,18 +555,20 @@ class RefinedAnswer(Answer, frozen=True):
     before: ScoreNumbers
     """Score of the proposed pose."""
     tone: Light
-    """Whether it can stand there; grey where no support is known or physics is off."""
+    """Whether the pose is stable; grey where no support is known or physics is off."""
     words: str
     """The change in words."""
 
 
 class PointAnswer(Answer, frozen=True):
-    """What was measured at a pixel, in the camera frame; null where nothing was. ``obj``: whose surface is nearest."""
+    """The point measured at a pixel, in the camera frame; null where nothing was measured. ``obj``: the object with the
+    nearest surface.
+    """
 
     point_mm: tuple[float, float, float] | None
     normal: tuple[float, float, float] | None
     residual_mm: float | None
-    """Distance to the nearest surface of an object where it stands, negative inside; null beyond three times τ."""
+    """Distance to the nearest surface of an object at its pose, negative inside; null beyond three times τ."""
     obj: int | None
 
 
@@ -578,7 +580,7 @@ AnyAnswer = (
 
 
 class AnswerMessage(Message, frozen=True):
-    """What a window asked for."""
+    """The answer to a want of a window."""
 
     id: str
     """Id of the want, or of `evaluate`."""

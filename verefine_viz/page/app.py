@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 POLL_S = 1.0
 """Time between two looks into a watched folder that has no frame yet [s]."""
 MOST_TRIED = 3
-"""Frames of a watched folder that are tried one after another until one can be opened."""
+"""Most frames of a watched folder that are tried until one can be opened."""
 
 
 class App:
@@ -113,7 +113,7 @@ class App:
         self.worker = Worker(self.jobs, self.server.post, self._open)
 
     def start(self) -> App:
-        """Listen, and open the session on the worker thread; the page says so meanwhile."""
+        """Listen, and open the session on the worker thread, which the page shows meanwhile."""
         self.viser = Viser3DServer()
         self.scene = Scene3D(self.viser, self._from_scene)
         self._write = Exporter(self._folder, self.worker.progress, self.scene.page)
@@ -123,12 +123,12 @@ class App:
 
     @property
     def url(self) -> str:
-        """What to type into a browser."""
+        """The address to type into a browser."""
         return self.server.url
 
     @property
     def debugger(self) -> Debugger:
-        """What is open, once it is; its thread is the worker's."""
+        """The page's state, once it exists; it belongs to the worker's thread."""
         assert isinstance(self.worker.handler, Debugger)
         return self.worker.handler
 
@@ -145,7 +145,7 @@ class App:
             raise self.worker.failure
 
     def wait_until_idle(self, timeout_s: float = 30.0) -> None:
-        """Wait until every verb so far is carried out."""
+        """Wait until all verbs so far are carried out."""
         self.wait_until_ready(timeout_s)
         self.jobs.wait_until_idle(timeout_s)
 
@@ -154,7 +154,7 @@ class App:
         self.jobs.put(Job(0, verb))
 
     def stop(self) -> None:
-        """End the worker, what it does too where that can be cancelled, and free the port."""
+        """End the worker, cancelling its job if possible, and free the port."""
         self.jobs.stop()
         if self._ahead is not None:
             self._ahead.stop()
@@ -189,11 +189,11 @@ class App:
             self.server.post(PickedMessage(u, v), window)
 
     def _solid_is_other(self, model: ObjectModel) -> None:
-        """Have the frames begin again that show a model whose solid is other than asked for. Called on any thread."""
+        """Have the frames begin again that show a model whose solid is not as asked for. Called on any thread."""
         self.jobs.put(Job(0, lambda: self.debugger.begin_again(model)))
 
     def _draw(self, debugger: Debugger) -> None:
-        """Draw what the window used last looks at."""
+        """Draw the view of the window used last."""
         look, space = debugger.look, debugger.space
         if look is None or look.branch not in space.branches:
             return
@@ -285,7 +285,9 @@ class App:
         return debugger.carry_out(self._first)
 
     def _show_demo(self, session: Session) -> None:
-        """Show the picture of a built-in scene at once: to take its photo its objects have to fall into place."""
+        """Show the stored picture of a built-in scene at once: before its photo can be rendered its objects must fall
+        into place.
+        """
         file = demo_picture(session.scene.demo)
         if session.scene.source == "demo" and file.is_file():
             self.worker.picture = self.blobs.put(file.read_bytes(), "image/webp")
@@ -298,7 +300,7 @@ class App:
     def _open_space(
         self, session: Session, path: Path | None, make_tools: Callable[[Session], Toolbox], *given: Any, **named: Any
     ) -> Workspace:
-        """Open a workspace; it begins again with hulls once those are asked for."""
+        """Open a workspace; begin again with hulls once these are asked for."""
         opened = partial(Workspace, session, path, ahead=self._ahead, **named)
         try:
             with self.jobs.offering_hulls():
@@ -355,7 +357,7 @@ def serve(
     """
     notes = check(session) if watch is None else ()
     for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is signal.SIG_DFL:  # nohup has it ignored.
+        if signal.getsignal(number) is signal.SIG_DFL:  # Ignored under nohup.
             signal.signal(number, signal.default_int_handler)
     shown = {"gallery": gallery, "first": first, "watch": watch, "recording": recording}
     app = App(session, session_path, host, port, allowed_origins, **shown).start()

@@ -1,4 +1,4 @@
-"""A branch: one run on a frame, the settings it ended up with, and what its iterations are scored by."""
+"""A branch: one run on a frame, its final settings, and the evaluators of its iterations."""
 
 from __future__ import annotations
 
@@ -62,20 +62,20 @@ class Branch:
     run: Run
     tools: Toolbox
     data: DataCheck
-    """What of the frame's data is in doubt."""
+    """Doubts about the frame's data."""
     start: Session
     """The settings it began with."""
     changes: tuple[Change, ...]
     """Settings changed on the way, as a session file has them."""
     evaluators: tuple[tuple[int, CachedEvaluator], ...]
-    """(k, evaluator): from iteration k + 1 on it evaluates, where settings of the score changed on the way."""
+    """(k, evaluator): the evaluator from iteration k + 1 on, several where settings of the score changed on the way."""
     parent: int | None = None
-    """The branch that it left."""
+    """The branch that it forked from."""
     forked_at: int = 0
     recording: Path | None = None
     """The file that it was read from; None = it was computed here."""
     missing: str = ""
-    """What of that file could not be read, or was never written, a sentence; "" = nothing."""
+    """A sentence on what part of that file could not be read, or was never written; "" = none."""
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
     _discarded: dict[int, dict[int, Discarded]] = field(default_factory=dict)
     """By the number of iterations made."""
@@ -84,16 +84,16 @@ class Branch:
 
     @cached_property
     def settings(self) -> Session:
-        """The settings that it ends up with: a session that was read may change them on the way."""
+        """The final settings: a session that was read may change them on the way."""
         return changed(self.tools.session, merged([c.settings for c in sorted_changes(self.changes)]))
 
     @cached_property
     def final_tools(self) -> Toolbox:
-        """The tools with the settings that it ends up with."""
+        """The tools with the final settings."""
         return self.tools.changed(merged([c.settings for c in sorted_changes(self.changes)]))
 
     def refiner_of(self, index: int) -> Refiner | None:
-        """Return what refined in iteration ``index``: a recording has what came out of it, so it is made again.
+        """Return the refiner of iteration ``index``; that of a recording is made again, as only its poses are recorded.
 
         Raises:
             SettingsError: this program does not have the refiner of a recording.
@@ -101,7 +101,7 @@ class Branch:
         return self.run.method_of(index).refiner if self.recording is None else self.tools.refiner_of(index)
 
     def evaluator_of(self, k: int) -> CachedEvaluator:
-        """Return what evaluates by the settings of iteration ``k``; of the first where ``k`` is 0."""
+        """Return the evaluator with the settings of iteration ``k``; of the first iteration where ``k`` is 0."""
         return next(evaluator for after, evaluator in reversed(self.evaluators) if after < max(k, 1))
 
     def iteration(self, k: int) -> Iteration:
@@ -116,12 +116,12 @@ class Branch:
 
     @property
     def final_evaluator(self) -> CachedEvaluator:
-        """What evaluates by the settings that hold after the last iteration made."""
+        """The evaluator with the settings after the last iteration made."""
         return self.evaluator_of(self.run.length + 1)
 
     @property
     def is_over(self) -> bool:
-        """Whether the run came to its end, and all of it is here."""
+        """Whether the run is over and complete."""
         return self.run.is_done and self.run.length > 0 and not self.missing
 
     def marks(self) -> tuple[Mark, ...]:
@@ -141,7 +141,7 @@ class Branch:
         return tuple(sorted((*marks, *given_up), key=lambda mark: mark.k))
 
     def discarded(self) -> dict[int, Discarded]:
-        """Find the correct poses that the finished run gave up for wrong answers, by instance_id."""
+        """Find the correct poses that the finished run discarded for wrong answers, by instance_id."""
         run = self.run
         if not run.is_done or not method_of(self.settings.method.name).verifies:
             return {}
@@ -160,11 +160,13 @@ class Branch:
         return errors is not None and errors.is_correct
 
     def measured_heights(self) -> MeasuredHeights | None:
-        """What depth measures of the heights of objects, as the answers show; None before, or where nothing is odd."""
+        """Bias of the objects' heights in the depth image, as the answers show it; None before the end, or where there
+        is none.
+        """
         return measured_heights(self.run.problem, self.run.final_state.best) if self.is_over else None
 
     def doubts(self) -> tuple[Doubt, ...]:
-        """What of the data does not fit together: as it shows without a run, else by the answers."""
+        """Doubts about the data: those that show without a run, and those by its answers."""
         problem, run = self.run.problem, self.run
         if of_frame := self.data.doubts():
             return of_frame

@@ -30,14 +30,14 @@ _FIRST_SCRIPT = re.compile(r'<script src="/web/([^"]+)"></script>')
 _SCRIPT = re.compile(r'<script type="module" src="/web/([^"]+)"></script>')
 
 AskedFor = tuple[dict[str, Any], AnyAnswer]
-"""A want, as a browser sends it, and what answers it."""
+"""A want, as a browser sends it, and its answer."""
 
 
 class InlinedBlobs(Blobs):
-    """Arrays and pictures of a file, where a server would hold them for a while.
+    """Arrays and pictures of a file; a server would hold them only for a while.
 
     Args:
-        prefix: begins every key; the parts of a file that have blobs of their own have different ones.
+        prefix: beginning of every key, different for each part of a file that has blobs of its own.
     """
 
     def __init__(self, prefix: str = "") -> None:
@@ -121,7 +121,7 @@ def _name(path: Path) -> str:
 
 
 def _address(path: Path) -> str:
-    """Return a module as an address; what it imports is named from the top, as such an address has no folder."""
+    """Return a module as an address; its imports are named from the top, as such an address has no folder."""
     source = _IMPORTED.sub(lambda m: f'{m[1]}"{_name(path.parent / m[2])}"', path.read_text("utf-8"))
     return f"data:text/javascript;base64,{base64.b64encode(source.encode()).decode()}"
 
@@ -131,5 +131,5 @@ def _escaped(text: str) -> str:
 
 
 def command_path(path: Path) -> str:
-    """Return a path as a command has it; of one that names places on this machine the last part."""
+    """Return a path for a command that is shown: as it is, or of an absolute one the last part."""
     return path.name if path.is_absolute() else str(path)

@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 Key = tuple[Any, ...]
-"""What was asked: its kind first."""
+"""Key of a cached result: its kind, then the arguments."""
 _CACHED_MAPS = 12
 _CACHED_NUMBERS = 20_000
 NEAR_M = 0.01
-"""Objects further apart than this have nothing to do with each other [m]."""
+"""Objects farther apart than this do not affect each other [m]."""
 
 
 class CachedEvaluator:
@@ -47,8 +47,9 @@ class CachedEvaluator:
 
     Args:
         toolbox: where the verifier comes from.
-        plausibility: (moving, fixed, support) → what physics says about the pose without moving it; None = not known.
-        overlap: (one, other) → how deep one object is in another, or None where it is not; None = not known.
+        plausibility: (moving, fixed, support) → evaluation of the pose by physics, without moving it; None = not
+            available.
+        overlap: (one, other) → their overlap, or None where they do not overlap; None = not available.
     """
 
     def __init__(
@@ -73,14 +74,14 @@ class CachedEvaluator:
         return self._remember(key, lambda: self._toolbox.verifier.score(target, T_cam_obj[None])[0])
 
     def maps(self, target: Target, T_cam_obj: Float) -> ScoreMaps | None:
-        """The score of one pose pixel by pixel; None where it is not made of pixels."""
+        """The score of one pose pixel by pixel; None for a verifier without maps."""
         key = _key("maps", target, T_cam_obj)
         return self._remember(key, lambda: self._toolbox.picture_verifier.maps(target, T_cam_obj))
 
     def refiner_steps(self, refiner: LearnedRefiner, target: Target, T_cam_obj: Float) -> Sequence[RefinerStep]:
-        """What a learned refiner saw and answered when it was called at a pose."""
+        """The input and output of a learned refiner called at a pose."""
         key = (*_key("refiner maps", target, T_cam_obj), id(refiner))
-        # With the refiner itself, so that no other one gets its id meanwhile.
+        # The refiner is kept with its result, so that no other one can get its id.
         return self._remember(key, lambda: (refiner, refiner.explain(target, T_cam_obj)))[1]
 
     def scene_score(self, targets: Sequence[Target], Ts_cam_obj: Float, whole_frame: bool = False) -> PoseScore:
@@ -108,11 +109,11 @@ class CachedEvaluator:
         return add_s_mm(model, T_one, T_other)
 
     def add_over_symmetries(self, target: Target, T_cam_obj: Float) -> float | None:
-        """ADD as a share of the diameter where a pose is correct by ADD-S only; None where both agree."""
+        """ADD as a share of the diameter, for a pose that is correct by ADD-S only; None where both agree."""
         return add_where_add_s_is_below(target, T_cam_obj, CORRECT)
 
     def undeclared_turn(self, target: Target, T_cam_obj: Float) -> UndeclaredTurn | None:
-        """The turn, which the model does not declare, that makes a pose count as wrong; None where that is not why."""
+        """The turn by a symmetry that the model does not declare, if that is why a pose counts as wrong; else None."""
         T_gt = target.instance.T_cam_obj_gt
         if T_gt is None:
             return None
@@ -120,18 +121,18 @@ class CachedEvaluator:
         return self._remember(key, lambda: undeclared_turn(target.model, T_cam_obj, T_gt, CORRECT))
 
     def allowed(self, target: Target, T_cam_obj: Float, iterations: Sequence[Iteration]) -> AllowedPoses:
-        """What the image allows beside a pose; the poses of a run are looked at too."""
+        """The poses that the image allows besides a pose, poses of the run included."""
         key = (*_key("allowed", target, T_cam_obj), len(iterations))
         return self._remember(key, lambda: allowed_poses(self.verifier, target, T_cam_obj, (), iterations))
 
     def known_allowed(self, target: Target, T_cam_obj: Float, iterations: Sequence[Iteration]) -> AllowedPoses | None:
-        """What :meth:`allowed` returned if it was called before, else None."""
+        """The cached result of :meth:`allowed`; None = it was not called yet."""
         return self._numbers.get((*_key("allowed", target, T_cam_obj), len(iterations)))
 
     def seen_error(
         self, target: Target, T_cam_obj: Float, iterations: Sequence[Iteration]
     ) -> tuple[AllowedPoses, float] | None:
-        """What the image allows beside ground truth, and how far a pose is from there [mm]; None before
+        """The poses that the image allows besides ground truth, and the distance of a pose from them [mm]; None before
         :meth:`allowed` was called at ground truth.
         """
         T_gt = target.instance.T_cam_obj_gt
@@ -157,7 +158,7 @@ class CachedEvaluator:
         return near_symmetries(model)
 
     def flips(self, model: ObjectModel) -> Float:
-        """(n, 4, 4) the turns that stand for :meth:`near_symmetries`."""
+        """(n, 4, 4) turns that represent :meth:`near_symmetries`."""
         return flips(near_symmetries(model))
 
     def scored_colours(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -175,12 +176,12 @@ class CachedEvaluator:
         return self._remember(_among(placed, near), lambda: evaluator(placed, near, support))
 
     def known_plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
-        """What :meth:`plausibility` returned if it was called before, else None."""
+        """The cached result of :meth:`plausibility`; None = it was not called yet."""
         placed = Placed(target.instance.instance_id, target.model, T_cam_obj)
         return self._numbers.get(_among(placed, [other for other in others if are_near(placed, other)]))
 
     def overlap(self, one: Placed, other: Placed) -> Any | None:
-        """How deep one object is in another; None where it is not, or where that is not known."""
+        """The overlap of two objects; None where they do not overlap, or where that is not known."""
         evaluator = self._overlap
         if evaluator is None or not are_near(one, other):
             return None

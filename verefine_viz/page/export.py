@@ -42,7 +42,7 @@ ENDINGS = {
 }
 """Endings of files, by what is written; the first where none is named."""
 FOR_THE_BROWSER = ("share", "film")
-"""What it downloads, and what stays nowhere else."""
+"""Files that the browser downloads, kept nowhere else."""
 
 
 class Exporter:
@@ -51,7 +51,7 @@ class Exporter:
     Args:
         folder: where sessions lie; exports go to ``runs/exports`` in it.
         progress: checked before each iteration of a recording is written.
-        scene_page: gives the 3D view as it is as a page of its own.
+        scene_page: returns the present 3D view as a page of its own.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Exporter:
 
         Raises:
             VerefineError: it cannot be written, or would replace something.
-            Cancelled: it is no longer wanted; no file is left.
+            Cancelled: the file is no longer wanted, and none is left.
         """
         note = ""
         if verb.what == "session":
@@ -85,7 +85,7 @@ class Exporter:
         return WrittenMessage(path.name, stays, f"/file/{path.name}", note)
 
     def close(self) -> None:
-        """Remove what was only there to be downloaded."""
+        """Remove the file that was only there to be downloaded."""
         if self._handed is not None:
             self._handed.cleanup()
 
@@ -100,12 +100,12 @@ class Exporter:
         if not verb.replace and path.exists():
             refuse_loss(path, session, branch, space, verb)
         save_session(session, path)
-        space.files.pop(path.resolve(), None)  # The file written last is the last one.
+        space.files.pop(path.resolve(), None)  # The file written last goes to the end.
         space.files[path.resolve()] = Saved(session, branch)
         return path, note
 
     def _hand_over(self, d: PageState, verb: Save) -> Path:
-        """Write the page or a film as a file that lies there until another one is written, or the program ends."""
+        """Write the page or a film as a file that is kept until the next one is written, or the program ends."""
         self.close()
         self._handed = TemporaryDirectory(prefix="verefine-viz-")
         branch = d.space.branch(verb.branch)
@@ -179,13 +179,13 @@ class Exporter:
             raise
         finally:
             file.close()
-            if recorder is not None:  # The recording has it.
+            if recorder is not None:  # The recording holds the run file.
                 file.path.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)
 class CheckedHistory:
-    """Shows a history of ``n`` iterations to watchers, and asks before each whether to go on."""
+    """Shows a history of ``n`` iterations to watchers, checking before each whether to go on."""
 
     progress: ProgressToken
     n: int
@@ -207,7 +207,7 @@ class CheckedHistory:
 
 
 def logged(d: PageState) -> list[AnyVerb]:
-    """Return the verbs that lead to what is open; of a run that goes on, as far as it is now."""
+    """Return the verbs that lead to the present state; a running branch as far as it is now."""
     return [*d.log, *d.progress_verbs()]
 
 
@@ -233,7 +233,7 @@ def write_answers(branch: Branch, path: Path) -> None:
 
 
 def view_command(space: Workspace) -> str:
-    """Return the command that opens what is open."""
+    """Return the command that opens the same again."""
     recording = space.work.first.recording
     file = recording if recording is not None else next(reversed(space.files), None)
     return f"verefine-viz view {file.name if file is not None else ''}".rstrip()
@@ -254,10 +254,10 @@ def checked_name(name: str) -> str:
 
 
 def file_name(verb: Save, branch: Branch) -> str:
-    """Name the file that a verb asks for.
+    """Return the name of the file that a verb asks for.
 
     Raises:
-        InputError: its name is no name of a file.
+        InputError: its name is not a file name.
     """
     endings = ENDINGS[verb.what]
     ending = next((one for one in endings if verb.name.endswith(one)), endings[0])
@@ -266,7 +266,7 @@ def file_name(verb: Save, branch: Branch) -> str:
 
 
 def stem_of(branch: Branch) -> str:
-    """Name exports of a branch by title, frame and method."""
+    """Return the name of a branch's exports: title, frame and method."""
     session, frame = branch.settings, branch.run.problem.frame
     title = re.sub(r"[^\w-]+", "_", session.title or session.scene.demo or "run").strip("_")[:40] or "run"
     return f"{title}_{frame.replace('/', '_')}_{session.method.name}"
@@ -284,8 +284,8 @@ def free(path: Path) -> Path:
 def titled(session: Session, path: Path, space: Workspace) -> Session:
     """Return ``session`` with the title that it gets in the file ``path``.
 
-    A file that was read or written here keeps its title, and so does a copy of it. What was changed since is another
-    session: its title is the name of its new file.
+    A file that was read or written here keeps its title, and so does a copy of it. A session
+    that was changed since gets the name of its new file.
     """
     files = {file: saved.session for file, saved in space.files.items()}
     same = (there for there in files.values() if there == structs.replace(session, title=there.title))
@@ -313,7 +313,7 @@ def refuse_loss(path: Path, session: Session, branch: Branch, space: Workspace, 
 
 
 def _lost(there: Session, saved: Saved | None, session: Session, branch: Branch, space: Workspace) -> str:
-    """Return what a file that holds ``there`` loses; ``saved``: what it held when it was read or written here."""
+    """Return what is lost of a file that holds ``there``; ``saved``: its content when it was read or written here."""
     if there == session:
         return ""
     if saved is None:
@@ -328,5 +328,5 @@ def _lost(there: Session, saved: Saved | None, session: Session, branch: Branch,
     if other is None or other is branch or not (other in elsewhere or other.index in space.branches):
         return what
     if not what and other in elsewhere and structs.replace(there, edits=session.edits) == session:
-        return ""  # What it holds of another frame is written again.
+        return ""  # Content about other frames is written again.
     return f"another branch, “{other.name}”" + (f", with {what}" if what else "")

@@ -36,23 +36,23 @@ class InitialPose(Part, frozen=True):
     """Error of the translation."""
     plays: float
     mean: float
-    """Mean reward that the hypothesis begins with."""
+    """Mean reward with which the hypothesis begins."""
     source: str
-    """Where it comes from: an estimator, a results file, disturbed ground truth."""
+    """Its source: an estimator, a results file, disturbed ground truth."""
     confidence: float | None
-    """What its source says of it, in a scale of its own."""
+    """Score by its source, on that source's own scale."""
 
 
 class FrameObject(Part, frozen=True):
     """An instance of the frame; one that is left out has neither mask nor poses."""
 
     id: int | None
-    """null of one that is left out and has none."""
+    """null where one that is left out has none."""
     obj_id: int
     label: str
     color: str
     cluster: int
-    """Which of the groups of ``order`` it is in, from 1; 0 = left out."""
+    """Number of its group in ``order``, from 1; 0 = left out."""
     diameter_mm: float | None
     symmetric: bool
     has_gt: bool
@@ -60,7 +60,7 @@ class FrameObject(Part, frozen=True):
     gt_score: float | None
     """Score of the ground-truth pose."""
     visible: float | None
-    """Share that is not hidden, 0 to 1, where the data set gives it."""
+    """Visible share, 0 to 1, where the data set gives it."""
     box: Box | None
     """[u0, v0, u1, v1] of the mask, u1 and v1 beyond it."""
     mask: Sequence[Polygon]
@@ -81,7 +81,7 @@ class SupportPlane(Part, frozen=True):
     tilt_deg: float
     """Between its normal and gravity."""
     unknown: Sequence[int]
-    """Numbers of the unknown objects that stand around."""
+    """Numbers of the unknown objects around."""
     outline: Polygon
     """Outline of the part that was seen, in the image."""
     inliers: str
@@ -103,10 +103,10 @@ class OrderEdge(Part, frozen=True):
 
 
 class SolvingOrder(Part, frozen=True):
-    """In which order objects are solved, and why."""
+    """The order in which objects are solved, and why."""
 
     clusters: Sequence[Sequence[int]]
-    """Instances that are solved together, each group in its order."""
+    """Groups of instances that are solved together, each group in its order."""
     source: str
     """The rule: recommended, published or given."""
     notes: Sequence[str]
@@ -130,17 +130,17 @@ class EditableSetting(Part, frozen=True):
     kind: Literal["bool", "choice", "int", "float", "text"]
     value: bool | int | float | str
     standard: bool | int | float | str
-    """What the preset has."""
+    """Value in the preset."""
     choices: Sequence[bool | int | float | str] | None
     common: bool
-    """Whether it is one of those that are changed most."""
+    """Whether it is one of the settings that are changed most."""
     can_fork: bool
     """Whether it may change during a run."""
     help: str
 
 
 class Choices(Part, frozen=True):
-    """What can be chosen."""
+    """The settings and their choices."""
 
     methods: Sequence[MethodChoice]
     refiners: Sequence[str]
@@ -160,7 +160,7 @@ class TitledSession(Part, frozen=True):
 
 
 class DoubtShown(Part, frozen=True):
-    """What of the frame's data does not fit together."""
+    """A doubt: frame data that do not fit together."""
 
     kind: str
     title: str
@@ -170,16 +170,16 @@ class DoubtShown(Part, frozen=True):
     objs: Sequence[int]
     """The objects that show it; empty: the whole frame."""
     picture: str
-    """What shows it in the image: poses, edges, depth; scene: nothing there, but in 3D."""
+    """How it shows in the image: poses, edges, depth; scene: only in 3D."""
     put_right: Mapping[str, Any] | None
-    """Settings by dotted name with which a restart puts the data right; null where none do."""
+    """Settings by dotted name with which a restart corrects the data; null where there are none."""
 
 
 class FrameMessage(Message, frozen=True):
-    """What is open; sent again when another frame or session is opened, and then all that the page knew is void."""
+    """The open frame; sent again when another frame or session is opened, which replaces all that the page knew."""
 
     id: int
-    """Another one each time something is opened."""
+    """New each time something is opened."""
     title: str
     frame: str
     """As `scene/image`, such as 50/1."""
@@ -205,14 +205,14 @@ class FrameMessage(Message, frozen=True):
     smoothed: str | None
     """Blob of uint8 h×w×3, the photo as the colour term sees it; null where no model has colours."""
     objects: Sequence[FrameObject]
-    """In the order to solve them, those left out last."""
+    """In solving order, those left out last."""
     support: SupportPlane | None
     order: SolvingOrder | None
     notes: Sequence[str]
     doubts: Sequence[DoubtShown]
     """Empty where they are not known yet; `doubts` brings them."""
     as_read: Mapping[str, Any]
-    """Settings with which nothing of the data is put right, by dotted name; none where nothing is."""
+    """Settings by dotted name that switch off all corrections of the data; empty where there are none."""
     session_file: str | None
     recording: str | None
     demos: Sequence[str]
@@ -226,7 +226,7 @@ class SettingsChange(Part, frozen=True):
     """Settings that changed on the way."""
 
     k: int
-    """They hold after this iteration."""
+    """The settings hold after this iteration."""
     settings: dict[str, Any]
     """Values by dotted name."""
 
@@ -249,16 +249,16 @@ class BranchListed(Part, frozen=True):
     name: str
     parent: int | None
     from_: int
-    """The iteration of the parent after which it leaves it."""
+    """The parent's iteration after which it forks."""
     scored: Sequence[int]
-    """Iterations after which other settings of the score hold, from 0."""
+    """Iterations after which settings of the score changed, beginning with 0."""
     recording: str | None
     missing: str
-    """What its recording lacks, in words; "" where it is whole."""
+    """What its recording lacks, in words; "" where it is complete."""
     done: int
-    """Iterations that are there."""
+    """Iterations made so far."""
     total: int
-    """Iterations when it is over."""
+    """Iterations at its end."""
     over: bool
     method: str
     explains: bool
@@ -279,7 +279,7 @@ class ComparedBranches(Part, frozen=True):
 
 
 class BranchesMessage(Message, frozen=True):
-    """Which branches there are, the oldest first."""
+    """The branches, the oldest first."""
 
     list: Sequence[BranchListed]
     compare: ComparedBranches | None

@@ -53,24 +53,24 @@ class GalleryEntry:
 
     @property
     def result(self) -> str:
-        """What came of it, to filter by."""
+        """Its result, to filter by."""
         if self.is_wrong and self.row.right_seen:
             return RIGHT_SEEN
         return WRONG if self.is_wrong else WAITING if self.is_waiting else RIGHT if self.row.is_correct else UNKNOWN
 
     @property
     def cause_title(self) -> str:
-        """Why it is wrong, to filter by; "" where that is not known."""
+        """Why it is wrong, to filter by; "" = unknown."""
         return cause_title(self.row.cause)
 
     @property
     def can_be_opened(self) -> bool:
-        """A frame that failed as a whole fails again, and an object that was excluded is again."""
+        """Whether its frame can be opened; not where the frame failed as a whole or the object was excluded."""
         return self.row.was_asked_for
 
     @property
     def iteration(self) -> int:
-        """What is opened: where it went wrong, else where the answer was made; 0 = before iteration 1."""
+        """The iteration to open: where it went wrong, else where the answer was made; 0 = before iteration 1."""
         row = self.row
         return (row.best_iteration if row.worst_iteration is None else row.worst_iteration) or 0
 
@@ -80,9 +80,9 @@ class Gallery:
 
     Args:
         indices: the runs, at least one.
-        n_unfinished: runs that lie beside them and are not finished.
+        n_unfinished: unfinished runs that lie beside them.
         overrides: settings that win over those of the runs when a frame is opened.
-        notes: what of other runs cannot be read.
+        notes: on other runs that cannot be read.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Gallery:
                 self._files[run], self.tag_faults[run] = TagFile(), str(error)
 
     def records(self, run: str) -> Records:
-        """Return where the solved frames of a run lie; nowhere where other settings win over its own."""
+        """Return the folder of a run's solved frames; nowhere if other settings override its own."""
         runs = Runs(self.runs[run].folder / "runs")
 
         def run_file(frame: str) -> Path | None:
@@ -123,7 +123,7 @@ class Gallery:
         return run_file
 
     def loose_record(self, entry: GalleryEntry) -> Path | None:
-        """Return the file of an answer's run where a folder holds run files of any names; None where it is a batch."""
+        """Return the run file of an answer, in a folder of run files of any names; None in a batch."""
         row = entry.row
         return self._loose.get((entry.run, row.frame, row.method, row.seed))
 
@@ -140,7 +140,7 @@ class Gallery:
 
     @cached_property
     def folder(self) -> Path | None:
-        """What holds the run, or all of several; None where that is no folder of batches alone."""
+        """The folder of the run, or of all runs; None where it is not a folder of batches alone."""
         folders = [index.folder for index in self.runs.values()]
         if not all((folder / RUN_FILE).is_file() for folder in folders):
             return None
@@ -149,7 +149,7 @@ class Gallery:
 
     @cached_property
     def worst(self) -> GalleryEntry:
-        """What is opened first; of frames that can be opened, if there are any."""
+        """The answer that is opened first, one whose frame can be opened if possible."""
         ordered = self.sorted_by("error")
         return next((entry for entry in ordered if entry.can_be_opened), ordered[0])
 
@@ -164,13 +164,13 @@ class Gallery:
         return describe_doubts([(run, index.rows) for run, index in self.runs.items()])
 
     def sorted_by(self, order: Order) -> tuple[GalleryEntry, ...]:
-        """Everything in one of ``batch.index.ORDERS``."""
+        """All answers in one of ``batch.index.ORDERS``."""
         place = sort_key(order)
         return tuple(sorted(self.entries, key=lambda entry: place(entry.row)))
 
     @cached_property
     def first_filter(self) -> dict[str, str]:
-        """What is shown until the user chooses: wrong answers, if any are known to be."""
+        """The filter until the user chooses one: wrong answers, if any are known."""
         return {"result": WRONG} if any(entry.result == WRONG for entry in self.entries) else {}
 
     # Tags
@@ -182,7 +182,7 @@ class Gallery:
         """Gives answers a tag, or takes it away; kept beside their runs.
 
         Raises:
-            InputError: it is no tag, or a file is damaged or cannot be written.
+            InputError: the tag is not one of the known ones, or a file is damaged or cannot be written.
         """
         tag = checked_name(tag)
         for run in dict.fromkeys(entry.run for entry in entries):
@@ -200,7 +200,7 @@ class Gallery:
         self._files[run] = file
 
     def answer(self, key: int) -> GalleryEntry:
-        """The answer of a number, in the order of :attr:`entries`.
+        """The answer with a number, in the order of :attr:`entries`.
 
         Raises:
             InputError: there is none.
@@ -210,7 +210,7 @@ class Gallery:
         return self.entries[key]
 
     def session(self, run: str) -> Session:
-        """What opens a run, its frames sorted so that the one with the worst object comes first."""
+        """The session that opens a run, with the frame of the worst object first."""
         if run not in self._sessions:
             index, overrides = self.runs[run], self._overrides
             session = load_session(index.folder / SESSION_FILE, overrides) if overrides else index.session

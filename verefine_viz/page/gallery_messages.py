@@ -24,28 +24,28 @@ class GalleryOrder(Part, frozen=True):
 
 
 class GalleryRow(Part, frozen=True):
-    """An answer as a card; its place in `rows` is its key."""
+    """An answer as a card; its index in `rows` is its key."""
 
     key: int
     run: str
     """Name of its run's folder."""
     frame: str
     obj: int | None
-    """null of a frame that failed as a whole, or waits."""
+    """null for a frame that failed as a whole, or waits."""
     object: int | None
     """Its model."""
     name: str
     method: str
     tone: CardTone
     result: str
-    """What came of it, to filter by."""
+    """Its result, to filter by."""
     score: float | None
     err: float | None
     """ADD(-S) [mm]."""
     err_seen: float | None
     """ADD(-S) to the nearest pose that the image allows beside ground truth [mm]."""
     limit: float | None
-    """Up to this error it is right [mm]."""
+    """Largest error of a right answer [mm]."""
     k: int
     """The iteration to open."""
     cause: str
@@ -68,7 +68,7 @@ class GalleryRow(Part, frozen=True):
     film: bool
     """Whether it has a film."""
     group: str | UnsetType = UNSET
-    """In reports alone, as all below: the group of its run."""
+    """Only in reports, as all below: the group of its run."""
     compared: str | UnsetType = UNSET
     """Which of two runs is wrong, in words."""
     command: str | UnsetType = UNSET
@@ -85,16 +85,16 @@ class AnswersMessage(Message, frozen=True):
     outcome: str
     """How many objects are right, in words."""
     doubt: str
-    """In how many frames the data are in doubt, and why."""
+    """How many frames have doubtful data, and why."""
     notes: Sequence[str]
     """What cannot be read."""
     runs: Sequence[str]
     unfinished: int
-    """Runs that lie beside them and are not finished."""
+    """Unfinished runs beside them."""
     faults: Sequence[str]
     """Why tags cannot be read."""
     first: dict[str, str]
-    """What is shown until the user chooses: values by filter."""
+    """Filters until the user chooses others: values by filter."""
     orders: Sequence[GalleryOrder]
     rows: Sequence[GalleryRow]
     frames: Sequence[str] | UnsetType | None = UNSET
@@ -128,7 +128,7 @@ class FixLine(Part, frozen=True):
     cause: str
     """Its title."""
     fit: bool
-    """Whether answers are compared by how they fit: without ground truth."""
+    """Whether answers are compared by their fit, as without ground truth."""
     tried: int
     came_right: int
     worse: int
@@ -137,9 +137,9 @@ class FixLine(Part, frozen=True):
     right_known: int
     net: Interval
     seconds: float | None
-    """Added to a frame."""
+    """Computing time added per frame."""
     answers: Sequence[int]
-    """Those that were tried and those that were right: places in the table's list."""
+    """Answers that were tried, and those that were right: indices in the table's list."""
 
 
 class FixShown(Part, frozen=True):
@@ -150,11 +150,11 @@ class FixShown(Part, frozen=True):
 
 
 class FixMessage(Message, frozen=True):
-    """Remedies that are tried, or were, on the runs of the gallery."""
+    """The trial of remedies on the runs of the gallery, running or finished."""
 
     running: bool
     done: int
-    """Frames, of `total`."""
+    """Frames done, of `total`."""
     total: int
     fault: str
     """Why it ended early."""
@@ -177,7 +177,7 @@ class ReportColumn(Part, frozen=True):
 
 
 class NextStep(Part, frozen=True):
-    """What to look at next."""
+    """A recommendation of what to look at next."""
 
     group: int
     text: str
@@ -196,7 +196,7 @@ class RecallCurve(Part, frozen=True):
 
 
 class ReportGroup(Part, frozen=True):
-    """Runs that differ in their seeds alone."""
+    """Runs that differ only in their seeds."""
 
     name: str
     runs: Sequence[str]
@@ -205,7 +205,7 @@ class ReportGroup(Part, frozen=True):
     numbers: dict[str, Interval]
     """By column."""
     behind: Interval | None
-    """Recall less that of the best group [%]; null of the best itself."""
+    """Difference of recall to the best group's [%]; null for the best group."""
     curve: RecallCurve | None
     causes: Sequence[tuple[str, int]]
     """[title, failures], the most frequent first."""
@@ -233,7 +233,7 @@ class ObjectCell(Part, frozen=True):
     score: float | None
     undetermined_mm: float | None
     cause: str
-    """The most frequent one."""
+    """The most frequent cause."""
 
 
 class ObjectNumbers(Part, frozen=True):
@@ -291,7 +291,7 @@ class FrameChange(Part, frozen=True):
 
 
 class PairDifference(Part, frozen=True):
-    """What changed from one run to the other."""
+    """Changes from one run to the other."""
 
     n: int
     better: int
@@ -360,9 +360,9 @@ class ReportSection(Part, frozen=True):
     has_truth: bool
     same_objects: bool
     bop: str
-    """What BOP scores are over, or why there are none."""
+    """What BOP scores are averaged over, or why there are none."""
     intervals: str
-    """What they mean."""
+    """Meaning of the intervals."""
     best: int
     """The group."""
     groups: Sequence[ReportGroup]

@@ -1,4 +1,4 @@
-"""Carries out what a window asks about labels: place, find, snap, decide, undo, carry on, export."""
+"""Carries out a window's verbs about labels: place, find, snap, decide, undo, carry, export."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _decide(d: PageState, verb: p.Decide, window: int | None) -> None:
         _show(d, window, None)
     else:
         desk.decide(frame, verb.obj, verb.state, verb.note)
-        d.send_labels()  # Nothing moved.
+        d.send_labels()  # No pose moved.
 
 
 def _undo(d: PageState, verb: p.UndoLabel, window: int | None) -> None:

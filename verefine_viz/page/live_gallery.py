@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class LiveGallery(Gallery):
-    """What a watch has at the moment; :meth:`refreshed` is what it has later."""
+    """The gallery of a watch as it is at the moment; :meth:`refreshed` makes the current one later."""
 
     def __init__(self, watch: Watch) -> None:
         indices, self.fault = watch.latest
@@ -22,26 +22,26 @@ class LiveGallery(Gallery):
         self._watch = watch
 
     def refreshed(self) -> LiveGallery:
-        """Return what the watch has now."""
+        """Return the gallery as it is now."""
         return LiveGallery(self._watch)
 
     def session(self, run: str) -> Session:
-        """Return what opens a run: all frames, also those to come."""
+        """Return the session that opens a run: all its frames, also those to come."""
         return self.runs[run].session
 
     def frames(self, run: str) -> tuple[str, ...]:
-        """Return those of a run, by number."""
+        """Return the frames of a run, by number."""
         frames = {entry.row.frame for entry in self.entries if entry.run == run}
         return tuple(sorted(frames, key=parse_frame))
 
     @cached_property
     def folder(self) -> None:
-        """None: its runs go on."""
+        """None: a watch has no finished folder."""
         return None
 
     @cached_property
     def first_filter(self) -> dict[str, str]:
-        """Nothing: all answers are shown until the user chooses."""
+        """No filter: all answers are shown until the user chooses one."""
         return {}
 
     @cached_property

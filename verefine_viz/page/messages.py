@@ -1,4 +1,4 @@
-"""What goes down to a browser: the messages that are not about one subject, and the list of all of them."""
+"""Messages to a browser: those without a module of their own, and the list of all."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class HelloMessage(Message, frozen=True):
     version: str
     palette: Palette
     correct: float
-    """Below this share of the diameter a pose is right."""
+    """A pose is right below this share of the diameter."""
 
 
 class ReadyMessage(Message, frozen=True):
@@ -33,7 +33,7 @@ class ReadyMessage(Message, frozen=True):
 
 
 class FileMessage(Message, frozen=True):
-    """What a page as a file holds."""
+    """Content of a page in a file."""
 
     command: str
     """Opens the same in the program."""
@@ -44,25 +44,25 @@ class FileMessage(Message, frozen=True):
 
 
 class BusyMessage(Message, frozen=True):
-    """What takes long."""
+    """Progress of long work."""
 
     text: str
-    """"" = nothing does."""
+    """What is being done; "" = nothing."""
     share: float | None = None
     """How much is done, 0 to 1."""
     cancel: bool = False
     """Whether it can be given up."""
     hulls: bool = False
-    """Whether `open` with `hulls` alone begins what is being opened, or the run that waits, again with hulls."""
+    """Whether `open` with `hulls` alone restarts the opening, or the waiting run, with hulls."""
     picture: str | None = None
     """Blob of the photo of what is being opened."""
 
 
 class RunningMessage(Message, frozen=True):
-    """Which branches are computed."""
+    """The branches that are being computed."""
 
     branch: int | None
-    """Whose turn it is."""
+    """The branch whose turn it is."""
     branches: Sequence[int]
     stopped: str
     """The breakpoint at which a run stopped last."""
@@ -70,26 +70,26 @@ class RunningMessage(Message, frozen=True):
 
 
 class DoubtsMessage(Message, frozen=True):
-    """What of the open frame's data does not fit together, once that is known."""
+    """Doubts about the open frame's data, once they are known."""
 
     doubts: Sequence[DoubtShown]
 
 
 class NoteMessage(Message, frozen=True):
-    """A few words."""
+    """A short message."""
 
     text: str
 
 
 class OfferedVerb(Part, frozen=True):
-    """What a button does all the same."""
+    """What a button does nevertheless."""
 
     words: str
     verb: AnyVerb
 
 
 class ErrorMessage(Message, frozen=True):
-    """What went wrong; everything is as before."""
+    """An error; everything is as before."""
 
     text: str
     offer: OfferedVerb | None
@@ -100,11 +100,11 @@ class WrittenMessage(Message, frozen=True):
 
     name: str
     path: str | None
-    """null: it is only handed to the browser, and stays nowhere else."""
+    """null: only handed to the browser, and kept nowhere else."""
     url: str
     """Where it can be downloaded."""
     note: str
-    """What it does not hold."""
+    """What the file does not hold."""
 
 
 class EditedMessage(Message, frozen=True):
@@ -122,13 +122,13 @@ class PickedMessage(Message, frozen=True):
 
 
 class Scene3DMessage(Message, frozen=True):
-    """Which window the 3D view follows."""
+    """The window that the 3D view follows."""
 
     window: int | None
 
 
 class ViewPatch(Part, frozen=True):
-    """What changes of what a window looks at; the rest stays."""
+    """Changes of what a window looks at; the rest stays."""
 
     branch: int | UnsetType = UNSET
     k: int | UnsetType = UNSET
@@ -141,7 +141,7 @@ class ViewPatch(Part, frozen=True):
 
 
 class ViewMessage(Message, frozen=True):
-    """Where this window looks from now on."""
+    """What this window looks at from now on."""
 
     patch: ViewPatch
     at: int | UnsetType | None = UNSET
@@ -149,7 +149,7 @@ class ViewMessage(Message, frozen=True):
 
 
 OpenMessage = FrameMessage | BranchesMessage | RunMessage | VerdictMessage
-"""What says all that is known of the open frame."""
+"""The messages that together say all that is known of the open frame."""
 AnyMessage = (
     HelloMessage | FileMessage | FrameMessage | BranchesMessage | RunMessage | VerdictMessage | ReadyMessage
     | DoubtsMessage | BusyMessage | RunningMessage | NoteMessage | ErrorMessage | WrittenMessage | EditedMessage

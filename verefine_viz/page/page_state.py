@@ -1,4 +1,4 @@
-"""What is open, which runs go on, and what windows get. Needs no screen."""
+"""The state of a page: what is open, which runs are computed, and what windows are sent. Needs no screen."""
 
 from __future__ import annotations
 
@@ -51,18 +51,18 @@ from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.breakpoints import hits
 
 ROWS_S = 0.1
-"""Time between two messages with the rows of a run that goes on [s]."""
+"""Time between two messages with the rows of a running run [s]."""
 _TIMED = 20
-"""Iterations whose mean duration says how long the others will take."""
+"""Number of latest iterations whose mean duration predicts the others'."""
 
 
 class Goal:
-    """What a branch is computed to.
+    """A goal up to which a branch is computed.
 
     Args:
         branch: which.
-        k: until it holds so many iterations, breakpoints or not; None = to its end, and breakpoints stop it.
-        until: "end", or "event": the first mark stops it too.
+        k: number of iterations to reach, whatever the breakpoints; None = to its end, or to a breakpoint.
+        until: "end", or "event": the first mark stops it, too.
     """
 
     def __init__(self, branch: Branch, k: int | None = None, until: str = "end") -> None:
@@ -123,7 +123,7 @@ class PageState:
         """What the window used last looks at."""
         self.look_window: int | None = None
         self.on_look: Callable[[], None] = lambda: None
-        """Draws the 3D view."""
+        """Called to draw the 3D view."""
         self._sent: dict[int, int] = {}
         """Rows of each branch that windows have."""
         self._sent_at = 0.0
@@ -131,9 +131,9 @@ class PageState:
         """Branches whose verdict windows have, and of how many iterations."""
         self._later: Iterator[None] | None = self._warm_up()
         self._checked: Branch | None = None
-        """The first branch once windows have the doubts about its data, which the frame is shown before."""
+        """The first branch, once windows have the doubts about its data; the frame is shown before these are known."""
         self.fix: FixThread | None = None
-        """What tries remedies, or did, on the runs of the gallery."""
+        """The trial of remedies on the runs of the gallery, running or finished."""
         self.repeat_recorded()
 
     # Computing
@@ -144,7 +144,7 @@ class PageState:
         return bool(self.goals)
 
     def compute(self, goal: Goal) -> None:
-        """Have a branch computed to a goal, beside what is computed already."""
+        """Have a branch computed to a goal, beside the branches already being computed."""
         self.goals[goal.branch.index], self.stopped = goal, ""
 
     def tick(self) -> None:
@@ -169,14 +169,14 @@ class PageState:
         if goal.is_reached:
             self.pause(index)
             return
-        self.goals[index] = self.goals.pop(index)  # The next one's turn.
+        self.goals[index] = self.goals.pop(index)  # The next branch has its turn.
         if monotonic() - self._sent_at > ROWS_S:
             for other in self.goals.values():
                 self.send_rows(other.branch)
             self.announce_running()
 
     def pause(self, index: int | None = None) -> None:
-        """Stop computing a branch, or all; the log says how far each came."""
+        """Stop computing a branch, or all; the log says how far each got."""
         stopped = [goal for i, goal in self.goals.items() if index in (None, i)]
         if not stopped:
             return
@@ -187,7 +187,7 @@ class PageState:
         self.announce_running()
 
     def progress_verbs(self) -> list[AnyVerb]:
-        """Return verbs that compute as much as is there of what is being computed."""
+        """Return verbs that compute the running branches as far as they are now."""
         return [p.Seek(goal.branch.run.length, goal.branch.index) for goal in self.goals.values()]
 
     def enter_run(self, run: str) -> None:
@@ -196,16 +196,16 @@ class PageState:
         self.space.runs = {} if self.gallery is None else self.gallery.runs
 
     def repeat_recorded(self) -> None:
-        """Take the steps that another program recorded: what is over already opens at its end."""
+        """Take all steps that another program recorded, as its run is over: it opens at its end."""
         branch = self.space.work.first
         if method_of(branch.settings.method.name).repeats and not branch.run.is_done:
             self.compute(Goal(branch, branch.run.n_iterations))
 
     def show(self, iteration: int | None, obj: int | None, window: int | None, branch: Branch | None = None) -> None:
-        """Take a window to an iteration of a branch, and compute the whole run where it is not there yet.
+        """Take a window to an iteration of a branch, computing the whole run where that iteration was not made yet.
 
         Args:
-            iteration: 0 = before the first; None = the end of what is there.
+            iteration: 0 = before the first; None = the latest.
             obj: in focus; None = that of the iteration.
             window: which; None = all.
             branch: None = the first.
@@ -219,7 +219,7 @@ class PageState:
             self.compute(Goal(branch, run.n_iterations))
 
     def refresh_gallery(self) -> None:
-        """Take over what a watched folder has now."""
+        """Take over the present answers of a watched folder."""
         space = self.space
         if not isinstance(self.gallery, LiveGallery):
             return
@@ -239,11 +239,11 @@ class PageState:
     # Remedies
 
     def known_fix(self) -> FixState:
-        """Return how far remedies are tried on the runs of the gallery, or what came of it earlier."""
+        """Return the progress of the remedies on the runs of the gallery, or an earlier trial's table."""
         if self.fix is not None:
             return self.fix.latest
         folder = None if self.gallery is None else self.gallery.folder
-        with suppress(InputError):  # A damaged table is made again.
+        with suppress(InputError):  # A damaged table counts as none: a new trial writes it again.
             return FixState(table=None if folder is None else read_fix(folder))
         return FixState()
 
@@ -254,18 +254,18 @@ class PageState:
         self.fix.start()
 
     def end_fix(self) -> None:
-        """End what tries remedies; what is solved stays."""
+        """End the trial of remedies; frames already solved are kept."""
         if self.fix is not None:
             self.fix.stop()
         self.fix = None
 
     def send_fix(self, state: FixState, window: int | None = None) -> None:
-        """Send how far remedies are tried. Callable from any thread."""
+        """Send the progress of the remedies. Callable from any thread."""
         if self.gallery is not None and self.gallery.folder is not None:
             self.post(fix_message(self.gallery, state, fix_folder(self.gallery.folder)), window)
 
     def begin_again(self, model: ObjectModel) -> None:
-        """Begin the open frame again where it shows a model whose solid is not as it was asked for."""
+        """Begin the open frame again where it shows a model whose solid is not as asked for."""
         if self.space.begin_again(model):
             self.goals = {}
             self.send_frame()
@@ -292,7 +292,7 @@ class PageState:
                 yield self._verdict(branch)
 
     def work_out(self, objects: Collection[int] | None = None) -> Iterator[None]:
-        """Work out, piece by piece, doubts and what the verdicts may still say of some objects; None = of all."""
+        """Work out, piece by piece, the doubts and what the verdicts still lack about some objects; None = all."""
         for branch in self.space.branches.values():
             branch.data.doubts()
             yield
@@ -326,7 +326,7 @@ class PageState:
         self.post(NoteMessage(text), window)
 
     def send_frame(self) -> None:
-        """Send everything again: another frame, session or start."""
+        """Send everything again, after a change of frame, session or start."""
         self._sent, self._judged, self._later = {}, {}, None
         self.post(self._frame(self.blobs), None)
         self.send_branches()
@@ -335,12 +335,12 @@ class PageState:
         self.send_labels()
 
     def send_labels(self, window: int | None = None) -> None:
-        """Send the labels of the frame, where it is open to be labelled."""
+        """Send the labels of the frame, if it is open for labelling."""
         if self.space.is_labelling:
             self.post(labels_message(self.space.desk, self.space.frame), window)
 
     def send_branches(self) -> None:
-        """Send which branches there are."""
+        """Send the list of branches."""
         self.post(branches_message(self.space), None)
 
     def send_rows(self, branch: Branch) -> None:
@@ -351,7 +351,9 @@ class PageState:
             self.post(self._verdict(branch), None)
 
     def _judge(self, branch: Branch) -> bool:
-        """Have what the verdict on a finished run may still say worked out, once; return whether it was not before."""
+        """Have the missing parts of a finished run's verdict worked out, once; return whether this was the first
+        time.
+        """
         if self._judged.get(branch.index) == branch.run.length:
             return False
         self._judged[branch.index] = branch.run.length
@@ -367,7 +369,7 @@ class PageState:
 
     def _frame(self, blobs: Blobs) -> FrameMessage:
         sessions = self.list_sessions()
-        shown = {path.stem for path in sessions if path.stem.startswith("failure_")}  # By titles that say less.
+        shown = {path.stem for path in sessions if path.stem.startswith("failure_")}  # Listed by title.
         demos = [name for name in self.demos if name not in shown]
         return frame_message(self.space, blobs, self.space.batch_run, demos, titled(sessions))
 
@@ -375,7 +377,7 @@ class PageState:
         return verdict_message(branch, self.batch_rows(branch))
 
     def batch_rows(self, branch: Branch) -> dict[int, Any]:
-        """Return what the batch reports of the frame, by instance; nothing of a branch that is not its run."""
+        """Return the batch's answers for the frame, by instance; none for a branch that is not the batch's run."""
         gallery, space = self.gallery, self.space
         if (
             gallery is None
@@ -393,7 +395,7 @@ class PageState:
     # Work aside
 
     def later(self) -> bool:
-        """Work out a piece of what doubts and verdict may still say; return whether there is more."""
+        """Work out a missing piece of doubts and verdict; return whether there is more."""
         first = self.space.work.first
         if self._checked is not first:
             self._checked = first
@@ -409,10 +411,10 @@ class PageState:
         return self._later is not None
 
     def _warm_up(self) -> Iterator[None]:
-        """Make a first step and forget it: else the first real one waits until its kernels are loaded."""
+        """Make a first step and discard it, so that the first real one need not wait for its kernels."""
         run = self.space.work.first.run
         yield
-        with suppress(Exception):  # What is wrong is said when it is made in earnest.
+        with suppress(Exception):  # An error is reported when the step is made in earnest.
             if not run.is_done:
                 run.method.step(run.state)
 

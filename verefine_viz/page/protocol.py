@@ -41,7 +41,7 @@ class Verb(Struct, forbid_unknown_fields=True, tag_field="verb", tag=lambda name
 
 
 class EditedPose(Struct, frozen=True, forbid_unknown_fields=True):
-    """A pose that takes the place of a hypothesis's current one."""
+    """A pose that replaces the current one of a hypothesis."""
 
     obj: int
     arm: Index
@@ -77,7 +77,7 @@ class PathMoment(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Grasp(Struct, frozen=True, forbid_unknown_fields=True):
-    """The grasp that is drawn: at which pose, by which of the two, and which of its moments."""
+    """The grasp that is drawn: at which pose, by the answer or the ground truth, and at which moment."""
 
     T: Pose
     by: Literal["pose", "truth"] = "pose"
@@ -92,12 +92,12 @@ WHOLE_SCENE = 4.0
 
 
 class SceneLook(Struct, frozen=True, forbid_unknown_fields=True):
-    """What of a frame the 3D view shows beside poses, and how."""
+    """What the 3D view shows of a frame besides poses, and how."""
 
     hidden: tuple[Layer3D, ...] = ()
     cloud: CloudColors = "photo"
     box: Annotated[float, Meta(ge=0.2, le=WHOLE_SCENE)] = WHOLE_SCENE
-    """Side of the box around the object in focus outside of which nothing is shown [diameters]; 4 = everything is."""
+    """Side of the box around the object in focus to which the view is limited [diameters]; 4 = no limit."""
     cut: Annotated[float, Meta(ge=0, le=1)] = 0.0
     """Share of the object in focus that is cut away, from the front."""
     gizmo_px: Annotated[float, Meta(ge=40, le=800)] = 170.0
@@ -111,7 +111,7 @@ class Look(Verb):
     k: Index = 0
     """Iteration by whose settings poses are scored."""
     obj: int | None = None
-    """The object in focus; None = there is none: the frame is drawn."""
+    """The object in focus; None = no object: the frame is drawn."""
     draw: Annotated[tuple[DrawnPose, ...], Meta(max_length=MOST_POSES)] = ()
     hypotheses: Annotated[tuple[DrawnHypothesis, ...], Meta(max_length=MOST_POSES)] = ()
     """Hypotheses of the object in focus."""
@@ -127,7 +127,7 @@ class Look(Verb):
     """Where to take the 3D view's camera."""
     scene: SceneLook = SceneLook()
     pixel: Pixel | None = None
-    """Its ray and what it sees are drawn."""
+    """Pixel whose ray, and the point that it sees, are drawn."""
     ruler: tuple[Pixel, Pixel] | None = None
 
 
@@ -138,14 +138,14 @@ class Step(Verb):
 
 
 class Seek(Verb):
-    """Compute a branch on until it holds k iterations, breakpoints or not."""
+    """Go on computing a branch until it holds k iterations, whatever the breakpoints."""
 
     k: Index
     branch: Index = 0
 
 
 class RunVerb(Verb):
-    """Compute a branch on to its end, or to the next event; breakpoints stop both."""
+    """Go on computing a branch to its end, or to the next event; breakpoints stop both."""
 
     branch: Index = 0
     until: Literal["end", "event"] = "end"
@@ -156,7 +156,7 @@ class Pause(Verb):
 
 
 class Cancel(Verb):
-    """Give up what takes long, with everything as it was before."""
+    """Cancel long work, leaving everything as it was before."""
 
 
 class Restart(Verb):
@@ -165,13 +165,13 @@ class Restart(Verb):
     branch: Index = 0
     changes: Changes = {}
     discard: bool = False
-    """Whether other branches, and poses that were edited, may be lost."""
+    """Whether other branches and edited poses may be lost."""
     run: bool = False
     """Whether it then runs to its end."""
 
 
 class Fork(Verb):
-    """Leave a branch after iteration k with changed settings, or from an edited pose."""
+    """Fork a branch after iteration k, with changed settings or from an edited pose."""
 
     k: Index
     branch: Index = 0
@@ -181,18 +181,18 @@ class Fork(Verb):
 
 
 class Refine(Verb):
-    """Begin a branch in which a pose is the only hypothesis of its object; others begin where they stand."""
+    """Begin a branch in which a pose is the only hypothesis of its object; other objects begin where they stand."""
 
     obj: int
     T: Pose
     k: Index
-    """The iteration after which the other objects are taken."""
+    """The iteration after which the other objects' poses are taken."""
     branch: Index = 0
     run: bool = True
 
 
 class Open(Verb):
-    """Open something else; one of the fields says what."""
+    """Open something; one of the fields says what."""
 
     frame: Text = ""
     object: Index | None = None
@@ -209,7 +209,7 @@ class Open(Verb):
     label: bool = False
     """The frames of the open session, to be labelled."""
     hulls: bool = False
-    """Whether physics takes every model for its convex hull, so that nothing has to be decomposed."""
+    """Whether physics uses the convex hull of every model, so that nothing has to be decomposed."""
 
 
 class Estimate(Verb):
@@ -217,7 +217,7 @@ class Estimate(Verb):
 
     obj: int
     estimator: str
-    """Its name; "session": as the session has it."""
+    """Name of the estimator; "session": the session's own."""
     branch: Index = 0
 
 
@@ -247,15 +247,15 @@ class Break(Verb):
 
 
 class Order(Verb):
-    """Change the order in which objects are solved, or what is in their way; one of the fields says what."""
+    """Change the order in which objects are solved, or what stops them; one of the fields says what."""
 
     branch: Index = 0
     cut: tuple[int, int, bool] | None = None
-    """(first, second, cut): whether what is seen between two instances counts no more."""
+    """(first, second, cut): whether the edge between two instances is ignored."""
     move: tuple[int, int] | None = None
     """(instance, −1 or 1)."""
     drop: tuple[int, bool] | None = None
-    """(number of an unknown object, whether it stops nothing)."""
+    """(number of an unknown object, whether it is dropped and stops nothing)."""
     reset: bool = False
     discard: bool = False
     """As of ``Restart``."""
@@ -275,7 +275,7 @@ class Evaluate(Verb):
 class Wanted(
     Struct, forbid_unknown_fields=True, tag_field="what", tag=lambda name: name.removesuffix("Wanted").lower()
 ):
-    """What a want asks for; each kind stands beside its view."""
+    """What a want asks for; each kind belongs to a view."""
 
 
 class MapsWanted(Wanted):
@@ -296,15 +296,15 @@ class OutlinesWanted(Wanted):
 
 
 class DoubtWanted(Wanted):
-    """What shows a doubt about the data in the image."""
+    """The evidence of a doubt about the data in the image."""
 
     index: Index
-    """In the list of the frame or the verdict."""
+    """Index in the list of the frame or the verdict."""
     branch: Index = 0
 
 
 class MomentDrawn(Struct, frozen=True, array_like=True):
-    """What is drawn of a key moment: ``[k, poses, map, layer]``."""
+    """The picture of a key moment: ``[k, poses, map, layer]``."""
 
     k: Index
     """Iteration by whose settings it is scored."""
@@ -312,7 +312,7 @@ class MomentDrawn(Struct, frozen=True, array_like=True):
     """By role; the map is that of the first."""
     map: Text
     layer: Text = ""
-    """What else is drawn: mask, plane, axes; "" = nothing."""
+    """Further layer: mask, plane, axes; "" = none."""
 
 
 class FilmWanted(Wanted):
@@ -331,7 +331,7 @@ class ShadedWanted(Wanted):
 
 
 class Standing(Struct, frozen=True, array_like=True):
-    """An object where it stands: ``[obj, T, waits]``."""
+    """An object at its current pose: ``[obj, T, waits]``."""
 
     obj: int
     T: Pose
@@ -340,7 +340,7 @@ class Standing(Struct, frozen=True, array_like=True):
 
 
 class PhysicsWanted(Wanted):
-    """Whether objects can stand where they are, and what the simulation did."""
+    """Whether the objects' poses are stable, and what the simulation did."""
 
     obj: int
     """The object in focus."""
@@ -348,16 +348,16 @@ class PhysicsWanted(Wanted):
     k: Index = 0
     """Iteration by whose settings it is worked out."""
     poses: Annotated[tuple[tuple[Text, Pose], ...], Meta(max_length=8)] = ()
-    """Poses of the focus that are looked at more closely, by name: before and after."""
+    """Poses of the focus to examine in detail, by name: before and after."""
     stands: Annotated[tuple[Standing, ...], Meta(max_length=MOST_POSES)] = ()
     alone: bool = False
-    """Whether the focus alone is asked about, among the others where they stand."""
+    """Whether only the focus is examined, among the others at their poses."""
     path: Index | None = None
     """Iteration whose simulated path is shown."""
 
 
 class RefinedWanted(Wanted):
-    """Where refining a pose from here ends: refined, settled and verified among the objects where they stand."""
+    """The result of refining a pose: refined, settled and verified among the other objects at their poses."""
 
     obj: int
     T: Pose
@@ -366,7 +366,7 @@ class RefinedWanted(Wanted):
 
 
 class PointWanted(Wanted):
-    """What was measured at a pixel, and how far it is from the objects where they stand."""
+    """The point measured at a pixel, and its distance from the objects at their poses."""
 
     pixel: Pixel
     branch: Index = 0
@@ -381,7 +381,7 @@ class LandscapeWanted(Wanted):
     branch: Index = 0
     k: Index = 0
     part: Literal["curves", "slice", "other"] = "curves"
-    """Curves along all axes, the map over two of them, or what fits as well."""
+    """Curves along all axes, the map over two of them, or distant poses that fit as well."""
     axes: tuple[Index, Index] = (5, 0)
     """Axes of the map: across and up."""
 
@@ -392,7 +392,7 @@ class ComparisonWanted(Wanted, tag="compare"):
     a: Index
     b: Index
     done: tuple[Index, Index] = (0, 0)
-    """Iterations of both: a browser asks again when there are more."""
+    """Iterations of both that exist: a browser asks again when there are more."""
 
 
 class CropsWanted(Wanted):
@@ -410,7 +410,7 @@ class SequenceWanted(Wanted):
     scene: Index | None = None
     """null = that of the open frame."""
     done: Index = 0
-    """Answers that are there: a browser asks again when there are more."""
+    """Number of answers so far: a browser asks again when there are more."""
 
 
 class RecordedWanted(Wanted):
@@ -419,7 +419,7 @@ class RecordedWanted(Wanted):
     obj: int
     branch: Index = 0
     done: Index = 0
-    """Iterations that are there: a browser asks again when there are more."""
+    """Number of iterations so far: a browser asks again when there are more."""
 
 
 AnyWant = (
@@ -460,26 +460,28 @@ class Tag(Verb):
 
 
 class Fix(Verb):
-    """Try the remedies of causes on the answers of the gallery, end that, or write the session with some of them."""
+    """Try the remedies of causes on the answers of the gallery, end a trial, or write the session with some of them."""
 
     every: bool = False
-    """Whether each is tried on all wrong answers; else on those of its causes."""
+    """Whether each remedy is tried on all wrong answers; else on those with its causes."""
     take: Annotated[tuple[Text, ...], Meta(max_length=100)] = ()
-    """Remedies, which are tried together as well; or which are written."""
+    """Remedies that are also tried together; or that are written."""
     write: Text = ""
     """The session file that is written; "" = none."""
     stop: bool = False
 
 
 class Place(Verb):
-    """Put an object of a frame to be labelled where its photo was clicked: upright, at the depth there."""
+    """Place an object in a frame for labelling, where the photo was clicked: upright, at the depth there."""
 
     obj_id: Index
     pixel: Pixel
 
 
 class Find(Verb):
-    """Search for an object inside a box, or on what a scribble covers; the best poses become its candidates."""
+    """Search for an object inside a box, or on the pixels that a scribble covers; the best poses become its
+    candidates.
+    """
 
     obj_id: Index
     box: tuple[Index, Index, Index, Index] | None = None
@@ -495,7 +497,7 @@ class Snap(Verb):
 
 
 class Decide(Verb):
-    """Say what a label is, or take it away."""
+    """Set the state of a label, or remove it."""
 
     obj: int
     state: Literal["accepted", "uncertain", "proposed", "removed"]
@@ -503,7 +505,7 @@ class Decide(Verb):
 
 
 class UndoLabel(Verb):
-    """Take back what was last done to the labels of the frame, or do it again."""
+    """Undo the last change of the frame's labels, or redo it."""
 
     redo: bool = False
 
@@ -523,7 +525,7 @@ class Export(Verb):
     uncertain: bool = False
     """Whether uncertain ones are written, too."""
     symmetries: Annotated[tuple[Index, ...], Meta(max_length=1000)] = ()
-    """Objects whose proposed symmetries were confirmed."""
+    """Objects whose proposed symmetries the user confirmed."""
     overwrite: bool = False
 
 
@@ -539,7 +541,7 @@ def read_verb(text: str | bytes) -> AnyVerb:
     """Decode a message of a browser.
 
     Raises:
-        InputError: it is no verb.
+        InputError: it is not a verb.
     """
     try:
         return _DECODER.decode(text)

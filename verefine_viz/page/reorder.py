@@ -1,4 +1,6 @@
-"""The order in which objects are solved, and what is in their way, changed as settings: a saved session repeats it."""
+"""Changes of the order in which objects are solved, and of what stops them, made as settings: a saved session repeats
+them.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from verefine_viz.page.workspace import Workspace
 
 
 def reordered(space: Workspace, branch: Branch, verb: Order) -> dict[str, Any]:
-    """Return the settings that change the order, or what is in the way, as a session file has them."""
+    """Return the settings that change the order, or what stops the objects, as a session file has them."""
     problem = space.problem
     graph, session = problem.dependencies, branch.tools.session
     if verb.reset:
@@ -53,7 +55,7 @@ Clusters = tuple[tuple[int, ...], ...]
 
 
 def as_entries(problem: Problem, clusters: Clusters) -> tuple[tuple[int | str, ...], ...]:
-    """Write clusters as a session file does: by object, or by instance where an object is there twice."""
+    """Write clusters as a session file does: by object, or by instance where the frame has an object twice."""
     obj_ids = {i.instance_id: i.obj_id for i in problem.instances}
     there = list(obj_ids.values())
     return tuple(
@@ -62,7 +64,8 @@ def as_entries(problem: Problem, clusters: Clusters) -> tuple[tuple[int | str, .
 
 
 def moved(clusters: Clusters, instance_id: int, by: int) -> Clusters | None:
-    """Move an instance one place in its cluster, or at its end the whole cluster; None where that is at the end too.
+    """Move an instance by one place in its cluster, or at the cluster's end the whole cluster; None where it cannot
+    move.
 
     Args:
         clusters: in the order to solve them.

@@ -1,4 +1,4 @@
-"""What a run did, iteration by iteration, and what came of it. Errors are null without ground truth."""
+"""What a run did, iteration by iteration, and its outcome. Errors are null without ground truth."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ AnswerTone = Literal["right", "wrong", "unknown", "doubt", "none"]
 
 
 class ScoredStage(Part, frozen=True):
-    """A pose on the way through an iteration; parts of the score are null where it was not scored."""
+    """A pose at one stage of an iteration; parts of the score are null where it was not scored."""
 
     name: StageName
     score: float | None
@@ -51,12 +51,12 @@ class BestPose(Part, frozen=True):
 
 
 class ArmChoice(Part, frozen=True):
-    """The bandit's numbers as they were when it chose, over the arms; null where an arm was not played."""
+    """The bandit's numbers at its choice, one per arm; null where an arm was not played."""
 
     plays: Sequence[float]
     mean: Sequence[float | None]
     bonus: Sequence[float | None]
-    """What makes arms that were played seldom come next."""
+    """Bonus for arms that were seldom played."""
     ucb: Sequence[float | None]
     """mean + bonus."""
     reason: str
@@ -73,24 +73,24 @@ class ArmState(Part, frozen=True):
 
 
 class PlacedObject(Part, frozen=True):
-    """An object that stood there."""
+    """Another object at its place in the scene."""
 
     obj: int
     T: Pose
 
 
 class ScenePass(Part, frozen=True):
-    """What closes a pass over the objects of a cluster."""
+    """The outcome of a pass over the objects of a cluster."""
 
     number: int
     score: float
-    """Score of the poses of this pass together."""
+    """Score of this pass's poses as a scene."""
     best_known: float
-    """Score of each object's best pose so far, together."""
+    """Score of the objects' best poses so far, as a scene."""
     reward: float
-    """What the arms that were chosen got."""
+    """Reward of the chosen arms."""
     incumbent: float
-    """The highest of all passes."""
+    """The highest score of all passes so far."""
 
 
 class SearchNode(Part, frozen=True):
@@ -105,7 +105,7 @@ class SearchNode(Part, frozen=True):
 
 
 class SearchStep(Part, frozen=True):
-    """What an iteration did to the search tree."""
+    """A step of the search tree."""
 
     cluster: int
     branch: Sequence[int]
@@ -115,7 +115,7 @@ class SearchStep(Part, frozen=True):
     choices: Sequence[str]
     """Why each node after the root was chosen, in words."""
     rollout: Sequence[PlacedObject]
-    """The rest of the scene as it was completed."""
+    """The other objects of the completed scene."""
     cost: float
     """Pixels of the complete scene that are not explained."""
     incumbent: float
@@ -129,9 +129,9 @@ class IterationRow(Part, frozen=True):
     obj: int
     arm: int
     n: int
-    """Its number among the iterations of this arm."""
+    """Its number among this arm's iterations."""
     own: int
-    """Its number among those of this object."""
+    """Its number among this object's iterations."""
     pass_: int | None
     cluster: int
     stages: Sequence[ScoredStage]
@@ -147,7 +147,7 @@ class IterationRow(Part, frozen=True):
     path: int | None
     """Number of simulated poses."""
     placed: Sequence[PlacedObject]
-    """Other objects that stood there."""
+    """Other objects, at their places in the scene."""
     scene: ScenePass | None
     tree: SearchStep | None
     ms: float
@@ -157,7 +157,7 @@ class IterationRow(Part, frozen=True):
 
 
 class Mark(Part, frozen=True):
-    """An iteration that is worth a look, on the timeline."""
+    """A mark on the timeline: an iteration that is worth a look."""
 
     k: int
     obj: int
@@ -167,7 +167,7 @@ class Mark(Part, frozen=True):
 
 
 class RunMessage(Message, frozen=True):
-    """Iterations of a branch, appended to those that a window has; `from` 0 begins again."""
+    """Iterations of a branch, appended to those of the window; `from` 0 replaces all."""
 
     branch: int
     from_: int
@@ -175,12 +175,12 @@ class RunMessage(Message, frozen=True):
     total: int
     over: bool
     missing: str
-    """What a recording lacks, in words; "" where it is whole."""
+    """What the recording lacks, in words; "" where it is complete."""
     rows: Sequence[IterationRow]
     start: Mapping[int, Sequence[InitialPose]] | None
-    """By object, initial poses where they differ from the oldest branch's, or are scored otherwise."""
+    """Initial poses by object, where they or their scores differ from the oldest branch's."""
     marks: Sequence[Mark]
-    """All of the branch so far."""
+    """All marks of the branch so far."""
     notes: Sequence[str]
 
 
@@ -196,9 +196,9 @@ class FindingShown(Part, frozen=True):
     try_: Mapping[str, SettingValue] | None
     """Settings that may help, by dotted name."""
     by_batch: bool
-    """Whether it is the batch's, which made re-runs."""
+    """Whether it comes from the batch, which re-ran to find it."""
     numbers: Mapping[str, float]
-    """The evidence, as of its cause (docs/causes.md); errors are ADD(-S) as a share of the diameter."""
+    """The evidence, in the numbers of its cause (docs/causes.md); errors are ADD(-S) as a share of the diameter."""
     tab: str = ""
     """The tab whose picture of the answer shows it."""
     tab_there: str = ""
@@ -211,13 +211,13 @@ class MomentShown(Part, frozen=True):
     k: int
     """0 = before the first; the answer stands at the last."""
     stage: StageName | None
-    """The last stage that is shown; null = all of the iteration."""
+    """The last stage that is shown; null = the whole iteration."""
     title: str
     caption: str
     legend: Sequence[tuple[str, RGB]]
-    """What is drawn over the photo: names and colours."""
+    """The poses that are drawn over the photo: names and colours."""
     drawn: MomentDrawn
-    """As the want ``film`` has it."""
+    """As in the want ``film``."""
 
 
 class RunnerUpPose(Part, frozen=True):
@@ -225,24 +225,24 @@ class RunnerUpPose(Part, frozen=True):
 
     arm: int
     lead: float
-    """How much less it scores."""
+    """By how much its score is lower."""
     apart_mm: float
     T: Pose
 
 
 class AllowedByImage(Part, frozen=True):
-    """Poses that stand for all that the image cannot tell from an answer."""
+    """Samples of the poses that the image cannot distinguish from an answer."""
 
     poses: Sequence[Pose]
-    """At most 12: spread along the least certain motion, then those that look alike."""
+    """At most 12: spread along the least certain motion, then isolated poses that look alike."""
     words: str
     """The least certain motion, in words."""
     unasked: bool
-    """Whether they are drawn until they are hidden: the observation cannot tell, or a turn is undetermined by far."""
+    """Whether they are drawn from the start: the observation is ambiguous, or a turn is far from determined."""
 
 
 class RefinerRange(Part, frozen=True):
-    """How far from ground truth a learned refiner was trained to begin, and how far the initial poses are."""
+    """How far from the ground truth a learned refiner was trained to start, and how far the initial poses are."""
 
     deg: float
     mm: float
@@ -252,7 +252,7 @@ class RefinerRange(Part, frozen=True):
 
 
 class JudgedObject(Part, frozen=True):
-    """What came of one object; without an answer all that belongs to one is null."""
+    """The outcome of one object; without an answer, the fields about the answer are null."""
 
     obj: int
     label: str
@@ -276,17 +276,17 @@ class JudgedObject(Part, frozen=True):
     T: Pose | None = None
     runner_up: RunnerUpPose | None = None
     also_fits: Pose | None = None
-    """A pose elsewhere that explains the image equally well."""
+    """A distant pose that explains the image equally well."""
     allowed: AllowedByImage | None = None
-    """null before the score around the answer is known, and where nothing that looks otherwise is allowed."""
+    """null before the score around the answer is known, and where the image allows no visibly different pose."""
     film: Sequence[MomentShown] = ()
     """How the answer came about, in four to six moments."""
     trained: RefinerRange | None = None
-    """null where it is unknown, or ground truth is."""
+    """null where this or the ground truth is unknown."""
 
 
 class JudgedScene(Part, frozen=True):
-    """What came of all objects together."""
+    """The outcome of all objects together."""
 
     tone: AnswerTone
     words: str
@@ -298,7 +298,7 @@ class JudgedScene(Part, frozen=True):
 
 
 class VerdictMessage(Message, frozen=True):
-    """What came of a run that is over, and why; sent again when physics or the score around the answers are known."""
+    """The outcome of a finished run, and why; sent again when physics or the score around the answers is known."""
 
     branch: int
     over: bool
@@ -308,4 +308,4 @@ class VerdictMessage(Message, frozen=True):
     scene: JudgedScene
     doubts: Sequence[DoubtShown]
     notes: Sequence[str]
-    """What makes physics doubtful."""
+    """Reasons to doubt the physics."""

@@ -33,15 +33,15 @@ from verefine_viz.page.web_files import WEB, import_map_hash
 
 _LOG = logging.getLogger(__name__)
 MOST_FAULTS = 10
-"""Malformed messages after which a window is closed."""
+"""Number of malformed messages after which a window is closed."""
 MOST_MESSAGES = 20_000
-"""Messages that wait for a window; one that takes no more is closed."""
+"""Most messages that wait for a window; one that does not take them is closed."""
 MOST_THREADS = 4
-"""Threads that read files and fetch what the 3D view needs; they stay until others are asked for."""
+"""Threads that read files and fetch data for the 3D view; they stay alive."""
 _LONGEST_WAIT_S = 30.0
 """For a thumbnail."""
 Receive = Callable[[int, AnyVerb | None], None]
-"""Gets what a window asks for; None = it has just connected."""
+"""Receives the verb or want of a window; None = it has just connected."""
 
 
 class Window:
@@ -53,7 +53,7 @@ class Window:
         """Messages to send; None = close."""
 
     def put(self, message: str | None) -> None:
-        """Send a message once there is time."""
+        """Queue a message for sending."""
         try:
             self.out.put_nowait(message)
         except asyncio.QueueFull:
@@ -79,7 +79,7 @@ class PageServer:
         closed: gets the number of a window that was closed, on the server's thread.
 
     Raises:
-        SettingsError: an allowed origin is none.
+        SettingsError: an allowed origin is not an origin.
         UnavailableError: the address cannot be bound.
     """
 
@@ -135,7 +135,7 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """What to type into a browser on this machine."""
+        """The address to type into a browser on this machine."""
         return f"http://{url_host(reached_at(self.host))}:{self.port}"
 
     def start(self, routes: Sequence[BaseRoute] = ()) -> None:
@@ -234,7 +234,7 @@ class PageServer:
             made = await asyncio.wait_for(asyncio.shield(asyncio.wrap_future(future)), _LONGEST_WAIT_S)
         except TimeoutError:
             return Response(status_code=503)
-        # Its address names the answer or the frame too, so the browser need not ask again.
+        # The address names the answer or the frame, so the browser need not ask again.
         cached = {"cache-control": "private, max-age=3600"}
         return Response(made, media_type="image/webp", headers=cached) if made else Response(status_code=404)
 
@@ -251,7 +251,7 @@ def _page(request: Request) -> Response:
 
 
 class _Files(StaticFiles):
-    """Files that browsers ask for again each time, so that a new version is never mixed with an old one."""
+    """Files that browsers request again each time, so that versions are never mixed."""
 
     def file_response(self, *args: Any, **kwargs: Any) -> Response:
         response = super().file_response(*args, **kwargs)
@@ -284,7 +284,7 @@ def bind(host: str, port: int) -> socket.socket:
             bound.close()
             raise
         return bound
-    except UnicodeError:  # A name with parts of more than 63 letters, or with letters that no name has.
+    except UnicodeError:  # A name with parts of more than 63 letters, or with letters that host names cannot have.
         raise UnavailableError(f"host {host!r} is no name of a machine, expected 127.0.0.1 in most cases") from None
     except OSError as error:
         if error.errno == errno.EADDRINUSE:

@@ -1,4 +1,4 @@
-"""A run as one HTML file that opens by a double click: what the page shows of it, with no program behind it."""
+"""A run as one HTML file that opens with a double click: the page as it shows the run, without the program."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 Json = dict[str, Any]
 Parts = tuple["Callable[[Session], Toolbox]", Checks]
-"""What builds the algorithm's parts from a session, and what physics says about poses."""
+"""Builds the algorithm's parts and the evaluation of poses by physics from a session."""
 STEPS: dict[str, tuple[float, type]] = {
     "rendered": (1e-4, np.uint16),
     "angle": (math.radians(1), np.uint8),
@@ -49,9 +49,9 @@ STEPS: dict[str, tuple[float, type]] = {
     "f_n": (0.01, np.uint8),
     "correlation": (0.01, np.int16),
 }
-"""What maps are rounded to, their least significant digit on the page; the highest whole number is no value."""
+"""Step to which maps are rounded, the last digit that the page shows; the highest whole number means no value."""
 OF_COLOUR = ("correlation", "rendered_rgb")
-"""Maps that a file has only where colour counts: they would be a ninth of it."""
+"""Maps that a file holds only where colour counts; they would make up a ninth of it."""
 SHADED_QUALITY = 85
 MOST_SCENE_BYTES = 12_000_000
 """A larger 3D view is left out of a file, and the file says so."""
@@ -59,14 +59,14 @@ MOST_SCENE_BYTES = 12_000_000
 
 @dataclass(frozen=True, eq=False)
 class SharedRun:
-    """What the page knows of an open frame."""
+    """All that the page knows about an open frame."""
 
     title: str
     messages: tuple[AnyMessage, ...]
     answers: tuple[AskedFor, ...]
     """Wants and what answers them."""
     elements: tuple[str, ...]
-    """HTML of the arrays and pictures that both name."""
+    """HTML of the arrays and pictures that messages and answers name."""
 
 
 def share(
@@ -104,7 +104,7 @@ def share(
 
 
 def write_shared(run: SharedRun, scene: str, out: Path) -> str:
-    """Write one HTML file; return what is not in it, and why.
+    """Write one HTML file; return what it lacks, and why.
 
     Args:
         run: what the page knows of a run.
@@ -144,7 +144,7 @@ def opened(path: Path, frame: str | None = None) -> Debugger:
     debugger = Debugger(space).carry_out(())
     branch = space.work.first
     if not branch.run.is_done and branch.recording is None:
-        debugger.carry_out([p.Seek(branch.run.n_iterations, branch.index)])  # Breakpoints or not.
+        debugger.carry_out([p.Seek(branch.run.n_iterations, branch.index)])  # Whatever the breakpoints.
     return debugger
 
 
@@ -169,7 +169,7 @@ def opened_answer(gallery: Gallery, entry: GalleryEntry, parts: Parts | None = N
     Args:
         gallery: of the batch.
         entry: the answer.
-        parts: those of answers that were opened before; None = its own.
+        parts: makes the session's parts, shared with answers opened before; None = its own.
 
     Raises:
         VerefineError: it cannot be opened.
@@ -184,7 +184,7 @@ def opened_answer(gallery: Gallery, entry: GalleryEntry, parts: Parts | None = N
 
 
 def real_parts() -> Parts:
-    """What makes the parts of sessions; those of the same data share what was read of them."""
+    """A maker of sessions' parts; sessions on the same data share what was read."""
     from verefine_viz.physics.plausibility import plausibility
     from verefine_viz.physics.proximity import Surfaces, overlap
     from verefine_viz.run.toolbox import Toolbox
@@ -260,7 +260,7 @@ def end_scene(debugger: PageState) -> str:
 
 
 def _portable(message: OpenMessage) -> OpenMessage:
-    """Return a message without what names places on this machine."""
+    """Return a message without paths of this machine."""
     if isinstance(message, FrameMessage):
         return replace(
             message,
@@ -295,7 +295,7 @@ def _answer(space: Workspace, of: Json, blobs: InlinedBlobs) -> AnyAnswer:
 
 
 def _rounded(data: bytes, arrays: Sequence[StoredArray], blobs: InlinedBlobs) -> tuple[str, list[StoredArray]]:
-    """Return the blob, and its arrays, of maps with the digits that the page shows, which take a fourth of the room."""
+    """Return the blob of maps, and its arrays, with only the digits that the page shows: a quarter of the size."""
     content, table = bytearray(), list[StoredArray]()
     for one in arrays:
         values, step = np.frombuffer(data, one.dtype, one.n, one.offset), None

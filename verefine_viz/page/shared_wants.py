@@ -1,6 +1,6 @@
-"""What a run as a file answers: the wants of its iterations, of its start and of its answers.
+"""The wants that a run in a file answers: those of its iterations, its start and its answers.
 
-``web/wants.js`` says what the page asks at a moment. These are the moments that a file holds, with every pose that can
+``web/wants.js`` says what the page wants at a moment. This module lists the moments in a file, with every pose that can
 be looked at there; ``tests/page/test_shown_moments.py`` compares both.
 """
 
@@ -19,11 +19,12 @@ from verefine_viz.page.wire import Pose
 Json = dict[str, Any]
 """A want as the browser writes it."""
 WithMaps = Literal["end", "marked", "all"]
-"""Which iterations have score maps: those that made the answers or that a verdict names; marked ones as well; all."""
+"""Which iterations have score maps: end = those that made the answers or that a verdict names; marked = marked ones,
+too; all."""
 
 
 class SharedBranch:
-    """A branch as its messages tell it.
+    """A branch as described by its messages.
 
     Args:
         frame: what is open.
@@ -59,7 +60,7 @@ class SharedBranch:
         return {obj: T for obj, T in results.items() if T is not None}
 
     def wants(self) -> Iterator[Json]:
-        """Return everything that the page may ask; the same want may be there twice."""
+        """Return all wants that the page may have; one may occur twice."""
         for row in self._rows:
             if row.obj in self._focus and (self._maps == "all" or row.k in self._shown):
                 yield from self._of_iteration(row)
@@ -78,10 +79,10 @@ class SharedBranch:
 
     @cached_property
     def _shown(self) -> set[int]:
-        """Iterations that have score maps, where not all have."""
+        """Iterations that have score maps, if not all have."""
         ks = {k for o in self._results.values() for k in (o.k, *(finding.k for finding in o.findings)) if k is not None}
         if self._maps == "marked":
-            ks |= {mark.k for mark in self._marks if mark.tone != "switched"}  # Which may be at each iteration.
+            ks |= {mark.k for mark in self._marks if mark.tone != "switched"}  # Those that may come at each iteration.
         return ks
 
     def _of_iteration(self, row: IterationRow) -> Iterator[Json]:
@@ -98,7 +99,7 @@ class SharedBranch:
             yield {"what": "crops", "branch": self._branch.index, "k": k}
 
     def _of_answer(self, obj: int) -> Iterator[Json]:
-        """Return what is asked at the end of the run."""
+        """Return the wants at the end of the run."""
         n, result, T = len(self._rows), self._results[obj], self._answers[obj]
         runner_up = result.runner_up and result.runner_up.T
         yield from self._maps_of(result.k or 0, obj, T)
@@ -118,7 +119,7 @@ class SharedBranch:
         yield {"what": "recorded", "branch": self._branch.index, "obj": obj, "done": n}
 
     def _together(self) -> Iterator[Json]:
-        """Return the maps of all objects in one picture: where they stand at the end, and where they truly are."""
+        """Return the wants of maps of all objects in one picture: at their answers, and at the ground truth."""
         truly = {obj: self._truths.get(obj, T) for obj, T in self._answers.items()} if self._truths else {}
         for Ts in (self._answers, truly):
             poses = [[obj, T] for obj, T in Ts.items()]
@@ -127,7 +128,7 @@ class SharedBranch:
                 yield {"what": "maps", "branch": self._branch.index, "k": k, "obj": None, "poses": poses}
 
     def _scored(self, k: int) -> int:
-        """Return the first iteration that is scored like iteration k."""
+        """Return the first iteration with the same settings of the score as iteration k."""
         return 1 + max((after for after in self._branch.scored if after < max(k, 1)), default=0)
 
     def _maps_of(self, k: int, obj: int, *poses: Pose | None) -> Iterator[Json]:
@@ -145,7 +146,7 @@ class SharedBranch:
         return {"what": "physics", **of, "stands": stands, "poses": once, "path": path}
 
     def _standing(self, row: IterationRow, edit: Pose | None) -> list[Any]:
-        """Return where every object stands after an iteration: as ``sceneAt`` of ``web/moment.js``."""
+        """Return the pose of every object after an iteration, as ``sceneAt`` of ``web/moment.js``."""
         placed = {one.obj: one.T for one in row.placed}
         placed |= {one.obj: one.T for one in (row.tree.rollout if row.tree else ())}
         placed[row.obj] = edit or next(s.T for s in row.stages if s.name == row.accepted)

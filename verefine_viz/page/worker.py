@@ -1,4 +1,4 @@
-"""The one thread that computes: it takes verbs in their order, answers wants in between, and goes on with a run."""
+"""The one thread that computes: it carries out verbs in order, answers wants in between, and goes on with runs."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from verefine_viz.run.kernel_compilation import COMPILING, compiling_reported
 
 _LOG = logging.getLogger(__name__)
 BETWEEN_S = 0.1
-"""Time between two words on how much is done [s]."""
+"""Time between two progress messages [s]."""
 
 
 USE_HULLS = Open(hulls=True)
-"""Open what is being opened, or begin the run that waits, with hulls: no waiting until models are decomposed."""
+"""The verb to open the frame being opened, or begin the waiting run, with hulls instead of decomposed models."""
 
 
 class Job(NamedTuple):
@@ -39,7 +39,7 @@ class Job(NamedTuple):
 
 
 class Jobs:
-    """What waits for the worker. Callable from any thread."""
+    """Queue of jobs for the worker. Callable from any thread."""
 
     def __init__(self) -> None:
         self._wake = threading.Condition()
@@ -48,9 +48,9 @@ class Jobs:
         self._look: Job | None = None
         self._is_cancelled = self._is_stopping = self._is_idle = False
         self.can_cancel = False
-        """Whether what the worker does may be given up."""
+        """Whether the current job may be cancelled."""
         self.gives_way = False
-        """Whether what the worker does is given up once anything waits."""
+        """Whether the current job is given up once another waits."""
         self.offers_hulls = self.wants_hulls = False
         """Whether what is being opened may be opened with hulls in place of convex parts, and whether it is to be."""
 
@@ -76,7 +76,7 @@ class Jobs:
             self._wake.notify_all()
 
     def _with_camera(self, job: Job, look: Look) -> Job:
-        """Return a look that goes before the one that waits, and takes the camera where that would have."""
+        """Return a look that replaces the waiting one, and takes over its camera movement."""
         before = self._look
         if before is None or before.window != job.window or look.camera is not None:
             return job
@@ -110,13 +110,13 @@ class Jobs:
         return bool(self._verbs or self._wants or self._look)
 
     def is_wanted(self) -> bool:
-        """Whether what the worker does is still wanted."""
+        """Whether the current job is still wanted."""
         gives_way = (self.offers_hulls and self.wants_hulls) or (self.gives_way and self._waits)
         return not (self._is_cancelled or self._is_stopping or gives_way)
 
     @contextmanager
     def cancellable(self) -> Iterator[None]:
-        """Let ``Cancel`` end what is done inside."""
+        """While this lasts, ``Cancel`` ends the job."""
         with self._wake:
             self.can_cancel, self._is_cancelled = True, False
         try:
@@ -127,7 +127,7 @@ class Jobs:
 
     @contextmanager
     def offering_hulls(self) -> Iterator[None]:
-        """Let ``USE_HULLS`` end what is opened inside; ``wants_hulls`` says afterwards whether it did."""
+        """While this lasts, ``USE_HULLS`` ends the opening; ``wants_hulls`` says afterwards whether it did."""
         self.offers_hulls, self.wants_hulls = True, False
         try:
             yield
@@ -135,7 +135,7 @@ class Jobs:
             self.offers_hulls = False
 
     def wait_until_idle(self, timeout_s: float) -> None:
-        """Wait until everything so far is done.
+        """Wait until all jobs so far are done.
 
         Raises:
             TimeoutError: it takes longer than that.
@@ -149,7 +149,7 @@ class Jobs:
         return self._is_stopping
 
     def stop(self) -> None:
-        """End the worker; what it does is given up where that is possible."""
+        """End the worker, and its current job where that is possible."""
         with self._wake:
             self._is_stopping = True
             self._wake.notify_all()
@@ -184,7 +184,7 @@ class Handler(Protocol):
         ...
 
     def later(self) -> bool:
-        """Work out a piece of what no window waits for; return whether there is more."""
+        """Work out a piece of background work; return whether there is more."""
         ...
 
 
@@ -198,7 +198,7 @@ class Worker:
     Args:
         jobs: what windows ask for.
         post: sends messages.
-        open_handler: opens what is shown; gets the token with which long work reports and is cancelled.
+        open_handler: opens the session; it gets the token with which long work reports and is cancelled.
     """
 
     def __init__(self, jobs: Jobs, post: Post, open_handler: Callable[[ProgressToken], Handler]) -> None:
@@ -211,7 +211,7 @@ class Worker:
         self.failure: Exception | None = None
         self.thread = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
 
-    # What is being done
+    # Progress of the current job
 
     def _report(self, text: str, share: float | None = None) -> None:
         now = monotonic()
@@ -266,7 +266,9 @@ class Worker:
             self._guarded(window, lambda: self._apply(window, verb), verb)
 
     def _apply(self, window: int, verb: AnyVerb) -> None:
-        """Carry out a verb; what opens something, or takes a step, begins again with hulls once those are asked for."""
+        """Carry out a verb; one that opens something, or takes a step, begins again with hulls once these are asked
+        for.
+        """
         if isinstance(verb, Open) and not verb.hulls:
             with_hulls = partial(self.handler.apply, window, replace(verb, hulls=True))
         elif isinstance(verb, Step):
@@ -277,7 +279,7 @@ class Worker:
         self._or_with_hulls(partial(self.handler.apply, window, verb), with_hulls)
 
     def _or_with_hulls(self, do: Callable[[], None], with_hulls: Callable[[], None]) -> None:
-        """Do something, or else the other where hulls are asked for while it waits for convex parts."""
+        """Do something; where hulls are asked for while it waits for convex parts, do the alternative."""
         try:
             with self._jobs.offering_hulls():
                 do()
@@ -287,7 +289,7 @@ class Worker:
             with_hulls()
 
     def _guarded(self, window: int | None, do: Callable[[], None], verb: AnyVerb | None = None) -> None:
-        """Do something; what goes wrong becomes one message and leaves everything as it was."""
+        """Do something; an error becomes one message and changes nothing."""
         try:
             with self._jobs.cancellable():
                 do()
@@ -308,7 +310,7 @@ class Worker:
         self._idle()
 
     def _later(self) -> bool:
-        """Do a piece of what no window waits for; give it up once one does."""
+        """Do a piece of background work; give it up once a window waits."""
         self._jobs.gives_way = True
         try:
             return self.handler.later()
@@ -322,7 +324,7 @@ class Worker:
 
 
 def unforeseen(error: Exception) -> str:
-    """Say what was raised that was not foreseen, and where: a bug here, or in a refiner of another program."""
+    """Report an unexpected exception and its place: a bug here, or in a refiner of another program."""
     at = traceback.extract_tb(error.__traceback__)[-1:]
     where = f" ({at[0].filename}:{at[0].lineno})" if at else ""
     return f"{type(error).__name__}: {error}{where}; the log has more. The run stands before it."

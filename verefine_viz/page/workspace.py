@@ -50,9 +50,9 @@ MOST_TRIED = 20
 _CHEAP = {"method", "icp", "score", "physics"}
 """Sections that can change while everything else of the tools is shared."""
 _WORLD = frozenset(f"physics.{name}" for name in SURROUNDINGS)
-"""Settings that make another world of the same frame."""
+"""Settings whose change gives the same frame another world."""
 _START = {"hypotheses", "dependency", "ppf", "pcs", "densefusion"}
-"""Sections that give other initial poses, or another order."""
+"""Sections whose change gives other initial poses, or another order."""
 
 
 @dataclass(eq=False)
@@ -67,7 +67,7 @@ class FrameWork:
 
     @property
     def first(self) -> Branch:
-        """The branch that the others left, or the oldest that is still there."""
+        """The branch that the others forked from, or the oldest that remains."""
         return next(iter(self.branches.values()))
 
     @property
@@ -86,16 +86,16 @@ def no_records(frame: str) -> None:
 
 @dataclass(eq=False)
 class Checks:
-    """What physics says about poses; None = it is not asked."""
+    """The evaluation of poses by physics; None = physics is not asked."""
 
     plausibility: Callable[..., Any] | None = None
     overlap: Callable[..., Any] | None = None
 
 
 class Workspace:
-    """The open session. Opening builds everything first and then switches, so a failure leaves things as they were.
+    """The open session. Opening builds everything first and then switches, so a failure changes nothing.
 
-    So does cancelling: ``core.errors.Cancelled`` is raised before anything was switched.
+    Nor does cancelling: ``core.errors.Cancelled`` is raised before the switch.
 
     Args:
         session: what to open first.
@@ -103,8 +103,8 @@ class Workspace:
         make_tools: builds the algorithm's parts from a session.
         checks: see :class:`CachedEvaluator`.
         progress: checked before anything that may take seconds.
-        frame: what to open first of it; None = its first.
-        records: where frames of it lie that were solved before.
+        frame: the frame to open first; None = its first.
+        records: finds run files of frames that were solved before.
         recording: a recorded run that is opened in place of ``session``.
         ahead: makes solids of models while a frame is looked at; None = opening a frame waits for them.
     """
@@ -132,7 +132,7 @@ class Workspace:
         self.runs: Mapping[str, BatchIndex] = {}
         """The batch runs whose answers are shown, by name."""
         self.batch_run = ""
-        """The one whose session is open; "" = none is."""
+        """The batch run whose session is open; "" = none."""
         if recording is not None:
             self.open_recording(recording)
         else:
@@ -160,13 +160,13 @@ class Workspace:
         self._desk = desk
         self.tools, self.path, self.frames, self.records = tools, path, frames, records
         self.files: dict[Path, Saved] = {} if path is None else {path.resolve(): Saved(session)}
-        """Files that hold the open session, as it was when it was read or written, the latest last."""
+        """Files that hold the open session, with its state when it was read or written, the latest last."""
         self.breakpoints: BreakpointSettings = session.breakpoints
         self._works = {first: work}
         self._switch(first)
 
     def open_frame(self, frame: str) -> None:
-        """Open another frame; one that was open before is as it was."""
+        """Open another frame; one that was open before is unchanged."""
         if frame not in self.frames:
             raise InputError(unknown("frame", frame, self.frames))
         if frame not in self._works:
@@ -189,13 +189,13 @@ class Workspace:
         self._switch(frame)
 
     def close(self) -> None:
-        """Let other programs label the folder."""
+        """Release the folder's labels, so that other programs can label it."""
         if self._desk is not None:
             self._desk.close()
 
     @property
     def is_labelling(self) -> bool:
-        """Whether frames are open to be labelled."""
+        """Whether frames are open for labelling."""
         return self.tools.session.scene.source == LABELLED
 
     @property
@@ -203,14 +203,14 @@ class Workspace:
         """The labels of the open folder.
 
         Raises:
-            InputError: it is not open to be labelled.
+            InputError: it is not open for labelling.
         """
         if self._desk is None:
             raise InputError("no frames are open to be labelled; open some by verefine-viz label FOLDER")
         return self._desk
 
     def _desk_of(self, tools: Toolbox) -> LabelDesk | None:
-        """The labels that tools are open on; those that are open already stay so."""
+        """The labels of the tools' folder, opened if they are not open yet."""
         from verefine_viz.labels.desk import LabelDesk
 
         scene, desk = tools.session.scene, self._desk
@@ -222,12 +222,14 @@ class Workspace:
         return desk
 
     def show_labelled(self, frame: str) -> None:
-        """Open a frame whose labels changed, as those of others may have: runs on them are over."""
+        """Open a frame whose labels changed; labels of other frames may have changed, too, so runs on them are
+        dropped.
+        """
         self._works = {frame: self._begin(self.tools, self.tools.problem(frame, ahead=self._ahead))}
         self._switch(frame)
 
     def begin_again(self, model: ObjectModel) -> bool:
-        """Begin the frames again that show a model, of which no solid could be made, or none as it was asked for.
+        """Begin the frames again that show a model for which no solid could be made, or not the kind asked for.
 
         Returns:
             Whether the open frame is one of them.
@@ -252,7 +254,7 @@ class Workspace:
 
     @contextmanager
     def with_hulls(self) -> Iterator[None]:
-        """Open what is opened inside with ``physics.collider = "hull"``; frames that are open stay as they are."""
+        """While this lasts, frames are opened with ``physics.collider = "hull"``; frames already open do not change."""
         tools, make_tools = self.tools, self.make_tools
         self.tools, self.make_tools = tools.changed(HULLS), lambda session: make_tools(changed(session, HULLS))
         try:
@@ -289,7 +291,7 @@ class Workspace:
         return self.branches[index]
 
     def others_of(self, branch: Branch) -> tuple[Branch, ...]:
-        """Return the branches of the other frames that were looked at last."""
+        """Return, of each other frame, the branch that was looked at last."""
         return tuple(work.shown for work in self._works.values() if branch.index not in work.branches)
 
     @property
@@ -311,14 +313,14 @@ class Workspace:
         return source.tracks if isinstance(source, RecordedSource) else {}
 
     def session_of(self, branch: Branch) -> Session:
-        """Return what a session file has to say to repeat a branch, with the poses moved in other frames."""
+        """Return the session whose file repeats a branch, with the poses edited in other frames."""
         edits = edits_of_all(branch, self.others_of(branch), is_only_frame=len(self.frames) == 1)
         return structs.replace(branch.start, edits=edits, changes=branch.changes, breakpoints=self.breakpoints)
 
     # Branches
 
     def restart(self, branch: Branch, settings: Settings) -> None:
-        """Begin before iteration 1 again, with the settings that a branch ends up with, changed if any.
+        """Begin again before iteration 1, with the final settings of a branch and the given changes.
 
         Other branches, edited poses and settings changed on the way are discarded. Other data (``data.*``) or initial
         poses (``hypotheses.*``) open the session again.
@@ -342,15 +344,15 @@ class Workspace:
         if any(name in SURROUNDINGS for name in new.get("physics", ())):
             problem = tools.surrounded(problem)
         work = self._begin(tools, problem, self.work.first.data)
-        if tools is not self.tools:  # The other frames were run with other settings.
+        if tools is not self.tools:  # The other frames were run with the old settings.
             self._works, self.records = {}, no_records
         self.tools, self._works[self.frame] = tools, work
         self._switch(self.frame)
 
     def estimate(self, branch: Branch, instance_id: int, estimator: str, name: str) -> Branch:
-        """Begin a new branch in which an estimator gives the initial poses of one object, or the session ("session").
+        """Begin a new branch in which an estimator, or the session ("session"), gives the initial poses of one object.
 
-        The frame's other branches stay; other frames start again, with the initial poses that they had.
+        The frame's other branches stay; other frames start again with their own initial poses.
         """
         before = dict(self.branches)
         wanted = asked_estimators(branch.tools.session.hypotheses)
@@ -364,12 +366,12 @@ class Workspace:
         return new
 
     def fork(self, old: Branch, k: int, settings: Settings, edit: tuple[int, int, Float] | None = None) -> Branch:
-        """Begin a branch that leaves another after iteration ``k``.
+        """Fork a branch off another after iteration ``k``.
 
-        It goes on with the settings that the other one ended up with, and ``settings``.
+        It goes on with the final settings of the other, changed by ``settings``.
         """
         nested = group_by_section(settings)
-        # A session that was read begins with other settings than it ends up with.
+        # The settings of a session that was read may change on the way.
         tools = old.tools.changed(merged((*(c.settings for c in old.changes), nested)))
         if tools.session == old.tools.session:
             tools = old.tools
@@ -386,10 +388,10 @@ class Workspace:
         return self._add(Branch(number, name, run, tools, old.data, start, on_the_way, evaluators, old.index, k))
 
     def refine(self, old: Branch, k: int, instance_id: int, T_cam_obj: Float, name: str) -> Branch:
-        """Begin a branch in which a pose is the only hypothesis of its object, with the settings that ``old`` ends up
-        with; objects that were worked on up to iteration ``k`` begin where they stand.
+        """Begin a branch in which a pose is the only hypothesis of its object, with the final settings of ``old``;
+        objects that were worked on up to iteration ``k`` begin where they stand.
 
-        A method that repeats recorded steps has none for the pose, so SIR takes its place.
+        A method that repeats recorded steps has none for the pose, so SIR replaces it.
         """
         problem, ended = old.run.problem, [change.settings for change in sorted_changes(old.changes)]
         here = starts_after(old.run, k, instance_id, T_cam_obj)
@@ -400,7 +402,9 @@ class Workspace:
         return self._add(self._new(name, tools, with_starts(problem, here), old.data))
 
     def begin_beside(self, base: Branch, settings: Settings) -> Branch:
-        """Begin a branch from the start of the open frame, with the settings of another branch and ``settings``."""
+        """Begin a branch from the start of the open frame, with the settings of another branch changed by
+        ``settings``.
+        """
         session = variant(base.tools.session, tuple(settings.items()))
         tools = self._tools_like(base.tools, session)
         between = settings_between(base.tools.session, session)
@@ -445,7 +449,7 @@ class Workspace:
         return branch
 
     def _solved(self, tools: Toolbox, frame: str, records: Records) -> FrameWork | None:
-        """Read a frame with its finished run; None where that does not exist, or the data are others now."""
+        """Read a frame with its finished run; None where there is no such run, or the data have changed since."""
         path = records(frame)
         if path is None:
             return None
@@ -462,7 +466,7 @@ class Workspace:
         return FrameWork({branch.index: branch})
 
     def _first_readable(self, tools: Toolbox, frames: Sequence[str], records: Records) -> tuple[str, FrameWork]:
-        """The first of some frames that can be read, noting those before it; InputError where none can."""
+        """The first readable one of some frames, noting those before it; InputError where there is none."""
         faults: list[tuple[str, InputError]] = []
         for frame in frames:
             if solved := self._solved(tools, frame, records):
@@ -499,7 +503,7 @@ class Workspace:
         return FrameWork({branch.index: branch})
 
     def _tools_like(self, tools: Toolbox, session: Session) -> Toolbox:
-        """Return tools of ``session``; what they have in common with ``tools`` is shared where that is safe."""
+        """Return the tools of ``session``, which share parts with ``tools`` where that is safe."""
         old = tools.session
         between = settings_between(old, session)
         is_cheap = all(name.partition(".")[0] in _CHEAP and name not in _WORLD for name, _, _ in between)
@@ -508,7 +512,7 @@ class Workspace:
         return tools.changed(group_by_section({name: value for name, _, value in between}))
 
     def _evaluators(self, tools: Toolbox) -> tuple[tuple[int, CachedEvaluator], ...]:
-        """Return those of a run from its start, with the changes that its session holds."""
+        """Return the evaluators of a run from its start, with the changes that its session holds."""
         evaluators = [(0, self._evaluator(tools))]
         for change in sorted_changes(tools.session.changes):
             tools = tools.changed(change.settings)

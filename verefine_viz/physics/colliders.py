@@ -34,17 +34,18 @@ ColliderKind = Literal["decomposition", "hull"]
 HULL_TOLERANCE = 0.001
 """A part may be this much smaller than the exact hull, as a share of the model's diameter: fewer vertices, faster."""
 CONVEX_ENOUGH = 0.05
-"""A model that leaves no deeper pocket in its hull [share of the diameter] is its hull: no decomposition."""
+"""A model without deeper pockets in its hull [share of the diameter] is its hull: no decomposition."""
 FULL_ENOUGH = 0.06
-"""Nor is a solid decomposed whose volume is within this share of its hull's, however deep its pockets: they are narrow.
-The foam brick of YCB-Video lacks 5.7 % in three holes as wide as a finger; CoACD took 11 s to make 16 parts of it."""
+"""A solid that lacks no more than this share of its hull's volume is not decomposed either: its pockets are narrow,
+however deep. The foam brick of YCB-Video lacks 5.7 % in three holes as wide as a finger; CoACD took 11 s to make 16
+parts of it."""
 DECOMPOSED_FACES = 1000
-"""Faces that the decomposition works on; more cost minutes and change little."""
+"""Most faces that the decomposition works on; more cost minutes and change little."""
 BEYOND, SHORT = 0.05, 0.1
 """How much further than the mesh, and how much less far, a collider may reach in any direction [share of the diameter].
 Those of YCB-Video and LINEMOD reach at most 0.018 further and 0.013 less far."""
 BOX_MARGIN_M = 0.002
-"""Bullet's bounding box is so much wider on each side, whatever margin a body is given later [m]."""
+"""How much wider Bullet's bounding box is on each side, whatever margin a body gets later [m]."""
 FORMAT = 5
 """Part of the cache's file names; raise it when the way colliders are built changes."""
 
@@ -66,7 +67,7 @@ class Collider:
     """How far the surfaces of collider and mesh are from each other, at worst [m]: with a hull, the depth of the bowl
     that physics takes for solid. Sampled, so a good fit reads as about 1 % of the diameter."""
     took_too_long: bool = False
-    """Whether it is the hull only because taking the mesh apart takes more than ``decomposition.LIMIT_S``."""
+    """Whether it is the hull only because the decomposition takes more than ``decomposition.LIMIT_S``."""
 
     def __post_init__(self) -> None:
         set_fields(
@@ -88,7 +89,7 @@ class Collider:
 
     @property
     def note(self) -> str:
-        """What the user should know about it; empty where it is as it was asked for."""
+        """Note for the user where the collider is not as asked for; else empty."""
         if not self.took_too_long:
             return ""
         return (
@@ -103,15 +104,15 @@ def collider(
 ) -> Collider:
     """The collider of ``model``, from the cache on disk or built now (a hull: milliseconds, a decomposition: seconds).
 
-    The hull of a model that takes too long to be taken apart is cached in the place of its parts, with a note: tried
-    again at each start, it would cost that time again, and in a run that goes on, frames would be solved with another
-    collider than those before.
+    Where the decomposition takes too long, the hull is cached in place of the parts, with a note. Trying again at each
+    start would cost that time again, and could give the later frames of a resumed run another collider than the earlier
+    ones.
 
     Args:
         model: the model.
         kind: "decomposition" or "hull".
         cache: folder of built colliders; by default in the user's cache folder.
-        progress: asked where it has to be built.
+        progress: checked while the collider is built.
 
     Raises:
         ShapeError: the mesh has no volume (flat, a line, a point), so no solid can be made of it; or CoACD fails on it.
@@ -130,7 +131,7 @@ def collider(
 
 
 def known_collider(model: ObjectModel, kind: ColliderKind, cache: Path | None = None) -> Collider | None:
-    """The collider of ``model`` out of the cache; None = it is not there. Arguments as in :func:`collider`."""
+    """The collider of ``model`` from the cache; None = it is not there. Arguments as in :func:`collider`."""
     known = read(_file(model, kind, cache), _unpacked)
     return known if known is not None and lies_on(known.parts, model) else None
 
@@ -142,7 +143,7 @@ def _file(model: ObjectModel, kind: ColliderKind, cache: Path | None) -> Path:
 
 @lru_cache(maxsize=1)
 def _built_with() -> str:
-    """The versions of the libraries that decide what comes out: another version may give other parts."""
+    """Versions of the libraries that the result depends on: another version may give other parts."""
     names = ("coacd", "fast-simplification", "numpy", "scipy", "trimesh")
     return hashlib.sha256(" ".join(version(name) for name in names).encode()).hexdigest()[:8]
 
@@ -185,8 +186,8 @@ def solid_of(model: ObjectModel, parts: list[Float]) -> Collider:
 
 
 def boxed(solid: Collider) -> Collider:
-    """``solid`` with the moments of its bounding box along the object's axes, as Bullet has them, about its own centre
-    of mass.
+    """``solid`` with the moments of its bounding box along the object's axes, as Bullet computes them, about its own
+    centre of mass.
     """
     squares = (np.ptp(np.vstack(solid.parts), axis=0) + 2 * BOX_MARGIN_M) ** 2
     T_obj_com = transform(np.eye(3), solid.com_obj)
@@ -209,8 +210,8 @@ def _surface(mesh: trimesh.Trimesh) -> Float:
 def _fills(mesh: trimesh.Trimesh, hull_m3: float) -> bool:
     """Whether a mesh fills its hull but for ``FULL_ENOUGH``.
 
-    Only a closed, consistently wound mesh in one part has a volume to be trusted: of several parts that overlap, what
-    they share counts twice.
+    Only a closed, consistently wound mesh in one part has a reliable volume: where parts overlap, the overlap counts
+    twice.
     """
     has_volume = bool(mesh.is_volume) and mesh.body_count == 1
     return has_volume and abs(float(mesh.volume) / hull_m3 - 1) <= FULL_ENOUGH
@@ -252,7 +253,7 @@ def deviation(parts: list[Float] | tuple[Float, ...], surface: Float) -> float:
     for k, part in enumerate(parts):
         samples = trimesh.sample.sample_surface(trimesh.convex.convex_hull(part), 2000 // len(parts), seed=0)[0]
         others = [other for j, other in enumerate(parts) if j != k]
-        if others:  # Where parts meet there is no surface.
+        if others:  # Faces where parts meet are not on the surface.
             samples = samples[signed_distance(others, samples) > 0.005 * np.linalg.norm(np.ptp(surface, axis=0))]
         if len(samples):
             outside_m = max(outside_m, float(tree.query(samples)[0].max()))
@@ -270,7 +271,7 @@ def _directions(n: int) -> Float:
 def _decomposed(name: str, mesh: trimesh.Trimesh, diameter_m: float, progress: ProgressToken) -> list[Float]:
     """Convex parts of a hollow mesh; none if the decomposition gives nothing solid."""
     if len(mesh.faces) > DECOMPOSED_FACES:
-        # Not trimesh's own way to the same library, which other threads could get between.
+        # Not trimesh's call of the same library, which is not safe with other threads.
         mesh = trimesh.Trimesh(*decimated(np.asarray(mesh.vertices), np.asarray(mesh.faces), DECOMPOSED_FACES))
     parts = []
     for part in decomposed(name, np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int32), progress):

@@ -1,4 +1,4 @@
-"""Convex parts of a mesh by CoACD, in a process of its own: its call takes seconds, and nothing else could stop it."""
+"""Convex parts of a mesh by CoACD, in a process of its own: its call takes seconds, and cannot be stopped otherwise."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 
 MAX_PARTS = 16
 LIMIT_S = 60
-"""Processor time that a mesh may take, of all threads together [s]. The models of YCB-Video, LINEMOD and the built-in
-scenes take up to 10 s; what takes a minute is a soup of triangles, whose parts stand for nothing. Processor time, not
-time on the clock: what comes out must not depend on how busy the machine is."""
+"""Most processor time for a mesh, of all threads together [s]. The models of YCB-Video, LINEMOD and the built-in
+scenes take up to 10 s; a mesh that takes a minute is a soup of triangles, whose parts mean nothing. Processor time, not
+time on the clock: the result must not depend on how busy the machine is."""
 PARTS_OF = "the convex parts of"
-"""Words of every message about a decomposition that is waited for."""
+"""Start of every message while a decomposition is awaited."""
 CHECKPOINT_S = 0.1
 """Time between two checkpoints [s]."""
 
@@ -52,7 +52,7 @@ def decomposed(
         Cancelled: through ``progress``.
     """
     paths = (str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH"))
-    # Waiting threads would spend processor time as well.
+    # Threads that spin while they wait would use up processor time.
     settings = {"PYTHONPATH": os.pathsep.join(filter(None, paths)), "OMP_WAIT_POLICY": "passive"}
     # Files, not pipes: neither side waits for the other.
     with TemporaryFile() as mesh, TemporaryFile() as result, TemporaryFile() as errors:
@@ -84,7 +84,7 @@ def decomposed(
 
 
 def _wait(child: subprocess.Popen[bytes], name: str, progress: ProgressToken) -> None:
-    """Until the process ends, reporting every second for how long already."""
+    """Wait until the process ends, reporting every second how long that has taken."""
     doing = f"Preparing {PARTS_OF} {name} for physics"
     progress.announce(f"{doing}, once: seconds for most models; after {LIMIT_S} s of computing its hull is taken.")
     started, reported_s = time.monotonic(), 0
@@ -104,7 +104,7 @@ def _decompose(limit_s: int) -> None:
 
     resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 5))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # No core dump is left behind then.
-    # What the library may print must not get between.
+    # Output of the library must not mix with the parts.
     output = os.dup(1)
     os.dup2(2, 1)
     with np.load(io.BytesIO(sys.stdin.buffer.read()), allow_pickle=False) as given:

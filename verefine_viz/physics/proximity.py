@@ -15,11 +15,11 @@ from verefine_viz.core.problem import Placed
 from verefine_viz.core.ray_scene import queries, ray_scene
 
 SIDEWAYS_M = 3e-4
-"""A point may be so far beside the surface that it meets [m]."""
+"""Largest sideways distance of a point from the surface that it faces [m]."""
 SPACING = 0.03
 """Largest distance between neighbouring surface points [share of the diameter]."""
 OVERLAP_M = 0.0015
-"""Less penetration than this is noise of poses and meshes [m]."""
+"""Smaller penetration is noise of poses and meshes [m]."""
 
 
 class Surface:
@@ -46,7 +46,7 @@ class Surface:
 
 
 class Surfaces:
-    """Surfaces of models, made when first asked for and cached: they do not depend on the pose."""
+    """Surfaces of models, made when first needed and cached, as they do not depend on the pose."""
 
     def __init__(self) -> None:
         self._made: dict[str, Surface] = {}
@@ -63,13 +63,13 @@ class Nearness:
     """Where two surfaces are close to each other."""
 
     gap_m: float
-    """Smallest distance; 0 where they meet or overlap, infinite where they are nowhere closer than asked."""
+    """Smallest distance; 0 where they meet or overlap, infinite where they are nowhere closer than asked for."""
     penetration_m: float
     """How deep the deepest point of either lies in the other; 0 where they do not overlap."""
     points: Float
-    """(n, 3) where they face each other closer than asked, or overlap; on the surface of one of the two."""
+    """(n, 3) points where they face each other closer than asked for, or overlap; on one of the two surfaces."""
     normals: Float
-    """(n, 3) unit, pointing onto the first."""
+    """(n, 3) unit normals, pointing towards the first."""
     distances_m: Float
     """(n,) signed, negative where they overlap."""
 
@@ -95,14 +95,16 @@ def nearness(a: Surface, T_w_a: Float, b: Surface, T_w_b: Float, within_m: float
 def _directed_gap(
     a: Surface, T_w_a: Float, b: Surface, T_w_b: Float, within_m: float
 ) -> tuple[float, Float, Float, Float]:
-    """Smallest signed distance of the points of ``a`` to ``b``; where ``b`` is met and its normals, in frame w."""
+    """Smallest signed distance of the points of ``a`` to ``b``; the points where they meet ``b`` and its normals, in
+    frame w.
+    """
     points_b = ((a.points @ T_w_a[:3, :3].T + T_w_a[:3, 3]) - T_w_b[:3, 3]) @ T_w_b[:3, :3]
     close = np.flatnonzero(((points_b >= b.low - within_m) & (points_b <= b.high + within_m)).all(axis=1))
     if len(close) == 0:
         return np.inf, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
     signed_m, met_b, normals_b = b.distances(points_b[close])
     smallest_m = float(signed_m.min())
-    # Beyond an edge of b its surface is near but does not face the point, and would carry nothing.
+    # Beyond an edge of b its surface is near but does not face the point, and could not support it.
     offset = points_b[close] - met_b
     sideways_m = np.linalg.norm(offset - np.einsum("ij,ij->i", offset, normals_b)[:, None] * normals_b, axis=1)
     near = np.flatnonzero((signed_m <= within_m) & (sideways_m <= SIDEWAYS_M))
@@ -115,7 +117,7 @@ def _directed_gap(
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """Two objects that are partly in the same place."""
+    """An overlap of two objects."""
 
     first: int
     """instance_id."""
@@ -123,7 +125,7 @@ class Overlap:
     depth_mm: float
     """How deep the deepest point of either lies inside the other [mm]."""
     points_cam: Float
-    """(n, 3) where one surface lies inside the other [m]."""
+    """(n, 3) points of one surface inside the other [m]."""
 
 
 def overlap(a: Placed, b: Placed, surface_of: Callable[[ObjectModel], Surface] = Surface) -> Overlap | None:

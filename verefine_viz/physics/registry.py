@@ -1,4 +1,4 @@
-"""Simulators by name: Bullet, and those of other programs, which say where an object goes and nothing else."""
+"""Simulators by name: Bullet, and those of other programs, which give the path of an object and nothing else."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from verefine_viz.core.records import NO_CONTACTS, SimulatedPath
 from verefine_viz.core.settings import BULLET, PhysicsSettings
 
 SAME_START = 1e-3
-"""Largest difference of a number of the pose that a path begins with from the given one [-, m]."""
+"""Largest deviation of an entry of a path's first pose from the given pose [-, m]."""
 SIMULATORS: dict[str, Callable[[PhysicsSettings], PoseSimulator]] = {}
 """Beside Bullet. A new one is a class with ``settle`` (core.protocols.PoseSimulator) and a line here; docs/guide.md,
 "Your own simulator"."""
@@ -36,8 +36,8 @@ def make_simulator(
 
     Args:
         settings: of physics.
-        progress: asked while Bullet's collider of a model is built.
-        own: parts of the caller, which come before others of their names.
+        progress: checked while Bullet's collider of a model is built.
+        own: parts of the caller, preferred to others of the same name.
 
     Raises:
         SettingsError: no simulator has that name; lists those that exist.
@@ -56,7 +56,7 @@ def make_simulator(
 
 
 class PluggedSimulator:
-    """A simulator (core.protocols) out of what moves an object: without contacts, and so without word of tipping.
+    """Wraps a part that moves an object as a simulator (core.protocols): without contacts, so it cannot tell tipping.
 
     Args:
         name: in settings.
@@ -71,9 +71,9 @@ class PluggedSimulator:
         """The path of ``moving`` over ``n_steps`` steps; it ends where the object leaves the reach of the camera.
 
         Raises:
-            ShapeError: the simulator gives another number of poses, something that is no pose, or a path that does not
-                begin at the given pose.
-            PartError: it raises something.
+            ShapeError: the simulator returns the wrong number of poses, an invalid pose, or a path that does not begin
+                at the given pose.
+            PartError: the simulator raises an exception.
         """
         who = f"simulator {self.name}"
         with self._lender.call(moving, fixed, support, n_steps) as lent:

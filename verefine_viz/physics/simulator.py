@@ -31,12 +31,12 @@ from verefine_viz.physics.world import PLANE_FRICTION, BodyKey, PlacedBody, Worl
 LEVEL = 0.75
 """Upward part of the normal above which a contact with surroundings is one with the top of a surface [-]."""
 _OTHER, _POINT, _NORMAL, _DISTANCE, _FORCE = 2, 6, 7, 8, 9
-"""Positions in a contact point of Bullet's."""
+"""Indices of fields in a contact point of Bullet."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Ground:
-    """What supports the objects, for Bullet and back."""
+    """The support of the objects, with the transform from Bullet's world and back."""
 
     support: Support
     T_cam_world: Float
@@ -45,7 +45,7 @@ class _Ground:
     plane_position: tuple[float, float, float]
     plane_quat_xyzw: tuple[float, float, float, float]
     bodies: dict[PlacedBody, int]
-    """Bodies of surroundings, each with its instance_id: all that supports is one, each unknown object one."""
+    """Bodies of the surroundings, each with its instance_id: one for all support, and one per unknown object."""
 
 
 class BulletSimulator:
@@ -54,12 +54,12 @@ class BulletSimulator:
     def __init__(
         self, settings: PhysicsSettings, cache: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
     ) -> None:
-        """A world of its own.
+        """Make a world of its own.
 
         Args:
             settings: step, solver, mass, friction, collider and so on.
             cache: folder of colliders already built; by default in the user's cache folder.
-            progress: asked while a collider is built.
+            progress: checked while a collider is built.
         """
         self._settings = settings
         self._progress = progress
@@ -68,16 +68,16 @@ class BulletSimulator:
         self._colliders: dict[str, Collider] = {}
         self._hulls: dict[str, tuple[Float, float]] = {}
         self._ground: _Ground | None = None
-        """Ground of the last call; it is mostly that of the next one as well."""
+        """Ground of the last call, usually needed by the next one, too."""
 
     def collider(self, model: ObjectModel, progress: ProgressToken | None = None) -> Collider:
-        """The collider that stands for ``model``; built at its first use, which may take seconds.
+        """The collider of ``model``; built at its first use, which may take seconds.
 
-        Those of several models may be asked for on as many threads, each with a ``progress`` of its own.
+        Several may be built on as many threads, each with a ``progress`` of its own.
 
         Raises:
             ShapeError: the mesh has no volume.
-            InputError: the file of its parts in ``physics.collider_folder`` does not do.
+            InputError: the file of its parts in ``physics.collider_folder`` is unusable.
             Cancelled: through the progress token.
         """
         built = self._colliders.get(model.mesh_hash)
@@ -96,10 +96,10 @@ class BulletSimulator:
 
         Contacts are those of each step's last sub-step. The order of ``fixed`` does not matter. The path ends early
         where the object would leave the reach of the camera, ``FARTHEST_M``. A longer path starts with the shorter one,
-        but where it leaves the first surface of surroundings.
+        except where it leaves the first surface of the surroundings.
 
         Raises:
-            ShapeError: a given pose is not rigid, not finite or further away than that, ``n_steps`` is negative, or a
+            ShapeError: a given pose is not rigid, not finite or beyond that reach, ``n_steps`` is negative, or a
                 model has no volume.
         """
         if n_steps < 0:
@@ -138,7 +138,7 @@ class BulletSimulator:
             world.step()
             poses.append(world.pose(body))
             near.append(world.contacts(body))
-            # What is near but does not touch is left out.
+            # Points that are near but do not touch are left out.
             touched += [p for p in near[-1] if p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0]
             ends.append(len(touched))
 
@@ -163,7 +163,7 @@ class BulletSimulator:
         return SimulatedPath(Ts, self._contacts(touched, ids, ground.T_cam_world).split(ends), tipping)
 
     def _hull_com(self, model: ObjectModel) -> tuple[Float, float]:
-        """Corners (n, 3) of the mesh's convex hull, centre-of-mass frame, and how far away the furthest is [m]."""
+        """Corners (n, 3) of the mesh's convex hull, centre-of-mass frame, and the distance of the farthest [m]."""
         hull = self._hulls.get(model.mesh_hash)
         if hull is None:
             solid = model.vertices[np.unique(model.faces)]
@@ -198,7 +198,7 @@ class BulletSimulator:
         return bodies
 
     def _bodies(self, cast: Sequence[Placed], T_world_cam: Float) -> tuple[list[PlacedBody], dict[int, int]]:
-        """Bodies at their poses, in the order of ``cast``, whose first one moves, and each body's instance."""
+        """Bodies at their poses, in the order of ``cast``, whose first one moves, and the instance of each body."""
         if self._world.is_full:
             self._world.close()
             self._world, self._ground = World(self._settings), None
@@ -219,7 +219,7 @@ class BulletSimulator:
         return bodies, ids
 
     def _touches(self, near: Sequence[tuple], com: Sequence[float], ids: dict[int, int]) -> list[Touch]:
-        """What Bullet reports as near after a step, seen from the centre of mass."""
+        """Points that Bullet reports as near after a step, relative to the centre of mass."""
         x, y, _ = com
         margin_m, touches = self._settings.margin_m, []
         for p in near:
@@ -243,15 +243,15 @@ class BulletSimulator:
         depths_m, forces_n = flat[:, 6], flat[:, 7] * self._settings.substeps
         others = np.array([ids[p[_OTHER]] for p in touched], dtype=np.int64)
         for column in (points, normals, depths_m, forces_n, others):
-            column.flags.writeable = False  # Records then take it without a copy.
+            column.flags.writeable = False  # Frozen, so that records take it without a copy.
         return Contacts(points, normals, depths_m, forces_n, others)
 
 
 def checked_pose(placed: Placed) -> Float:
-    """The pose of ``placed``, rigid and within reach.
+    """The pose of ``placed``.
 
     Raises:
-        ShapeError: it is not.
+        ShapeError: it is not rigid, or out of reach.
     """
     T = np.asarray(placed.T_cam_obj)
     name = f"pose of instance {placed.instance_id}"
@@ -320,19 +320,19 @@ def settle_to_rest(
     still_steps: int = 15,
     still_m: float = 2e-4,
 ) -> SimulatedPath:
-    """The path of ``moving`` from a drop until it lies still: how built-in scenes are laid out.
+    """The path of ``moving`` from a drop until it lies still, as built-in scenes are laid out.
 
     Args:
         simulator: the simulator; its steps are 1/60 s by default.
         moving: the object and the pose it is dropped in.
         fixed: objects already placed.
         support: plane and gravity.
-        max_steps: give up after so many steps; the path then ends in motion. 600 are 10 s.
-        still_steps: it lies still when over so many steps …
-        still_m: … no vertex of it moved further than this [m].
+        max_steps: most steps; the path may then end in motion. 600 are 10 s.
+        still_steps: the object lies still when over this many steps …
+        still_m: … none of its vertices moved farther than this [m].
 
     Returns:
-        The path up to the first moment at which it had lain still.
+        The path up to the first moment at which it has lain still.
     """
     n_steps = min(60, max_steps)
     # Answers depend on the arguments only, so a longer path starts with the shorter one: run again, twice as long.

@@ -1,8 +1,9 @@
-"""Does a simulated object stand? From the contacts that Bullet reports, in microseconds.
+"""Decides whether a simulated object stands, from the contacts that Bullet reports, in microseconds.
 
-:func:`plausibility` takes more into account (friction, neighbours' meshes) and a hundred times as long: too long for
-every iteration of a run. Both treat the support plane alike: what is within 2 mm of the lowest point carries, and of a
-pose that sinks in by more than 5 mm it is unknown. Surfaces of surroundings count within their outline.
+:func:`plausibility` takes more into account (friction, neighbours' meshes) but a hundred times as long: too long for
+every iteration of a run. Both treat the support plane alike: points within 2 mm of the lowest one support the object,
+and the answer is unknown for a pose that sinks in by more than 5 mm. Surfaces of surroundings count within their
+outline.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from verefine_viz.core.records import Tipping
 from verefine_viz.core.surroundings import SupportSurface
 
 TOUCHING_M = 0.002
-"""Surfaces closer than this touch; less penetration than this is none (docs/methods.md 7.3)."""
+"""Surfaces closer than this touch; less penetration than this counts as none (docs/methods.md 7.3)."""
 IMPOSSIBLE_M = 0.005
-"""More gap or penetration than this cannot be."""
+"""Poses with a larger gap or penetration than this are impossible."""
 UPWARDS = 0.3
-"""Contacts whose normal has a smaller upward part do not carry [-]."""
+"""Contacts whose normal has a smaller upward part do not support [-]."""
 LEAST_M = 0.0005
-"""A centre of mass that is less than this outside is on the edge, as exact as contacts are."""
+"""A centre of mass less than this outside counts as on the edge, given the accuracy of contacts."""
 TOPPLED_DEG = 10.0
 """An object that turns by more than this and then stands has fallen over [deg]."""
 DEEPEST_M = 0.05
-"""What is further below a surface than this may be under it [m]."""
+"""Points deeper below a surface than this may be under it [m]."""
 HELD_DEG_S = 5.0
 """An object that touches a neighbour and turns slower than this leans on it [deg/s]."""
 
@@ -49,19 +50,19 @@ class Touch(NamedTuple):
     pushes: bool
     """Whether it touches there."""
     is_plane: bool
-    """Whether it is the support plane that is touched, or the base of surroundings."""
+    """Whether it touches the support plane, or the base of surroundings."""
     is_support: bool
-    """Whether it is that, or the top of another surface that supports."""
+    """Whether it touches either, or the top of another supporting surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class SettlingMotion:
-    """What simulation did to an object, as far as it matters for whether it stands."""
+    """The simulation of an object, as far as it matters for whether the object stands."""
 
     Ts_world_com: Float
     """(S + 1, 4, 4): the start, then one pose per step [m]."""
     near: Callable[[int], list[Touch]]
-    """Where it touches, or nearly, at the end of step 1, 2, …"""
+    """Its contacts and near contacts at the end of step 1, 2, …"""
     hull_com: Float
     """(n, 3) corners of the mesh's convex hull, centre-of-mass frame [m]."""
     supporting: Sequence[SupportSurface]
@@ -69,7 +70,7 @@ class SettlingMotion:
     step_s: float
 
     def tipping(self) -> Tipping | None:
-        """Whether it does not stand where it ends, or fell over on the way; None: it stands, or that is unknown."""
+        """Whether it does not stand at the end, or fell over on the way; None: it stands, or this is unknown."""
         last = len(self.Ts_world_com) - 1
         tipping = self._after(last) if last else None
         if tipping is None and self._turned_deg(0, last) > TOPPLED_DEG:
@@ -88,7 +89,7 @@ class SettlingMotion:
             return None
         carrying = [touch.point for touch in touches if touch.up > UPWARDS and not touch.is_plane]
         if any(touch.is_support for touch in touches):
-            # Bullet keeps at most four contacts with the plane, begins with one, and keeps some where it has gone on.
+            # Bullet keeps at most four contacts with the plane, begins with one, and keeps some that are out of date.
             low = self._low(step)
             carrying += [(x, y) for x, y in (low @ self.Ts_world_com[step, :2, :3].T).tolist()]
         if not carrying or is_inside(carrying):
@@ -100,21 +101,21 @@ class SettlingMotion:
         return Tipping(outside_m, step) if outside_m >= LEAST_M else None
 
     def _began_inside(self) -> bool:
-        """Whether it was pushed out of something that it sank into, which turns it whether it could stand or not.
+        """Whether it was pushed out of something that it sank into, which turns it even if it could stand.
 
-        Into a neighbour by more than 2 mm after the first step, which takes away more than half of it.
+        A neighbour counts from 2 mm of depth after the first step, which removes more than half of the depth.
         """
         into_neighbour = any(touch.gap_m < -TOUCHING_M for touch in self.near(1) if not touch.is_support)
         return into_neighbour or float(self._heights_m(0).min()) < -IMPOSSIBLE_M
 
     def _low(self, step: int) -> Float:
-        """The vertices (n, 3) that may support it: those that are low enough above the highest surface below them."""
+        """The vertices (n, 3) that may support it, near enough to the highest surface below them."""
         heights_m = self._heights_m(step)
         return self.hull_com[heights_m <= max(float(heights_m.min()), 0.0) + TOUCHING_M]
 
     def _heights_m(self, k: int) -> Float:
-        """Distances (n,) of the vertices to what supports, positive above: to the plane, or to the nearest of the
-        surfaces that have them within their outline.
+        """Distances (n,) of the vertices to the support, positive above: to the plane, or to the nearest of the
+        surfaces whose outline contains them.
         """
         T = self.Ts_world_com[k]
         base, *others = self.supporting
@@ -160,7 +161,7 @@ def is_inside(points: Sequence[Point]) -> bool:
 
 
 def _distance_m(points: Float) -> float:
-    """Distance of the origin to the convex hull of points (n, 2), which has it outside.
+    """Distance of the origin, which lies outside, to the convex hull of points (n, 2).
 
     The nearest of all lines between two points is the nearest edge, as all others are further inside.
     """

@@ -24,9 +24,9 @@ from verefine_viz.scenes.source import SceneSource, open_scene
 WIDTH_PX, HEIGHT_PX = 360, 270
 """Shape of a picture, and its size unless another is asked for."""
 MARGIN = 0.25
-"""Shown around the object, as a share of its size."""
+"""Margin around the object, as a share of its size."""
 SMALLEST_PX = 48
-"""Least width of what is shown of the camera's image."""
+"""Least width of the shown part of the camera's image."""
 SHADE = 0.4
 """Brightness of a surface seen from the side, where there is no photo."""
 QUALITY = 72
@@ -68,7 +68,7 @@ def height_of(width_px: int) -> int:
 
 
 def window_around(target: Target, poses: Sequence[Float], aspect: float = WIDTH_PX / HEIGHT_PX) -> ShownPart:
-    """What to show: the object's mask and its model at all poses, as far as they are in the image.
+    """The part to show: around the object's mask and its model at all poses, as far as they are in the image.
 
     ``aspect``: width by height of the picture.
     """
@@ -133,7 +133,7 @@ def camera_image(observation: Observation) -> Image:
         return observation.rgb
     depth_m = observation.depth_m
     known = depth_m[depth_m > 0]
-    # A few pixels far behind everything must not take the colours from the rest.
+    # A few pixels far behind everything must not use up the range of colours.
     low, high = (float(known.min()), float(np.percentile(known, 98)) + 1e-6) if len(known) else (0.0, 1.0)
     colors = depth_scale(low, high).colors(np.where(depth_m > 0, depth_m, np.nan))
     facing = np.abs(observation.normals_cam[..., 2:])

@@ -35,7 +35,7 @@ SIDE_PX = 240
 GAP_PX = 2
 COLUMNS = 3
 STILL_MS, LAST_MS = 1800, 3500
-"""How long an animation shows a moment, and the last one."""
+"""Durations of a moment in an animation, and of the last one."""
 TINTED = 0.6
 DIFFERENCE_WORDS = ("seen past the model", "something before it")
 INK, DIM, PAPER = (235, 236, 240), (165, 170, 180), (24, 26, 30)
@@ -68,12 +68,14 @@ class Film:
 
     @cached_property
     def _window(self) -> ShownPart:
-        """One for all moments, so that they can be compared: around what is looked at, not around all initial poses."""
+        """One part of the image for all moments, for comparison: around the poses shown, not around all initial
+        poses.
+        """
         return window_around(self.target, [moment.poses[0][1] for moment in self.moments], 1.0)
 
     @cached_property
     def _wide(self) -> ShownPart:
-        """As much as the image has, for a support plane."""
+        """The largest square of the image, for a support plane."""
         camera, near = self.target.observation.camera, self._window
         side, middle = min(camera.width, camera.height), (near.u0 + near.width / 2, near.v0 + near.height / 2)
         limits = (camera.width - side, camera.height - side)
@@ -130,11 +132,11 @@ class Film:
     # All of them
 
     def panels(self) -> list[PilImage.Image]:
-        """Every moment with its title, what its colours are, and its caption."""
+        """Every moment with its title, the legend of its colours, and its caption."""
         return [_panel(moment, picture) for moment, picture in zip(self.moments, self.pictures, strict=True)]
 
     def strip(self, title: str) -> PilImage.Image:
-        """All moments in rows of three, or two of two, below a title and above what the maps' colours say."""
+        """All moments in rows of three, or two rows of two, between a title and the legend of the maps' colours."""
         panels = self.panels()
         columns = columns_of(len(panels))
         rows = -(-len(panels) // columns)
@@ -159,7 +161,7 @@ class Film:
 
 
 def columns_of(n_moments: int) -> int:
-    """How many moments stand in a row."""
+    """Number of moments in a row."""
     return 2 if n_moments == 4 else COLUMNS
 
 
@@ -187,7 +189,7 @@ def _panel(moment: Moment, picture: Image) -> PilImage.Image:
 
 
 def _chips(draw: ImageDraw.ImageDraw, x: float, y: float, colors: dict[str, RGB], right: float) -> None:
-    """Names with their colours in a row, as far as there is room."""
+    """Names with their colours in a row, as many as fit."""
     for name, color in colors.items():
         end = x + 16 + draw.textlength(name, font=_font(14))
         if end > right:

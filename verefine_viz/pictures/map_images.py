@@ -1,6 +1,6 @@
 """Score maps as images of indices into fixed colours, for the page and for recordings.
 
-Which part of the image is drawn is theirs: the page cuts whole maps, a recording asks for the pixels of small tiles.
+They choose which part of the image is drawn: the page cuts whole maps, a recording asks for the pixels of small tiles.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from verefine_viz.core.scores import COLOUR_MAPS, MapName, ScoreMaps
 
 
 def scales_of(depth: Scale, tau_m: float) -> dict[MapName, Scale]:
-    """The scale of each map; classes and colours have none.
+    """The scale of each map but those of classes and colours.
 
     Args:
-        depth: of observed and rendered depth, which depends on the frame.
+        depth: scale of observed and rendered depth, which depends on the frame.
         tau_m: depth tolerance of the score [m].
     """
     return {
@@ -55,13 +55,13 @@ def palette_of(name: MapName, scales: Mapping[MapName, Scale]) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class MapImages:
-    """All maps of one pose, (H, W) each."""
+    """The maps of one pose, (H, W) each."""
 
     maps: ScoreMaps
     observed_m: NDArray[np.float32]
-    """What the sensor measured at the same pixels [m]; 0 = nothing."""
+    """Measured depth at the same pixels [m]; 0 = none."""
     scales: Mapping[MapName, Scale]
-    """As :func:`scales_of` makes them."""
+    """Made by :func:`scales_of`."""
 
     def indices(self, name: MapName) -> NDArray[np.uint8]:
         """(H, W) indices into :func:`palette_of`: 0 = no value, 1 … 255 from the scale's low to its high end."""
@@ -102,7 +102,7 @@ def depth_indices(depth_m: NDArray[np.float32], scale: Scale) -> NDArray[np.uint
 
 @kernel()
 def scaled_indices(values: NDArray[np.float32], factor: float, low: float, high: float) -> NDArray[np.uint8]:
-    """``Scale.shades`` of ``factor`` times ``values`` (H, W), in a tenth of the time."""
+    """As ``Scale.shades`` of ``factor * values`` (H, W), in a tenth of the time."""
     out = np.zeros(values.shape, np.uint8)
     for y in range(values.shape[0]):
         for x in range(values.shape[1]):

@@ -1,4 +1,4 @@
-"""The small picture of a model by itself, from in front and a little above, for choosing one."""
+"""The small picture of a model alone, from the front and a little above, for choosing a model."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from verefine_viz.rendering.rendered_scene import render_scene
 SIZE_PX = 96
 FOCAL_PX = 260.0
 ABOVE_DEG, BESIDE_DEG = 25.0, 30.0
-"""Where it is looked at from: above the horizon of its z axis, and beside its front (−y)."""
+"""Direction of the view: elevation above the model's horizon, azimuth from its front (−y)."""
 FINER = 2
-"""It is drawn so many times finer, and made smaller: smooth edges."""
+"""Oversampling: drawn this many times finer, then reduced, for smooth edges."""
 PAPER = 255
 
 
 def model_picture(model: ObjectModel) -> bytes:
-    """The picture, as WebP: z of the model is up."""
+    """The picture, as WebP; z of the model is up."""
     low, high = model.vertices.min(axis=0), model.vertices.max(axis=0)
     radius_m = max(float(np.linalg.norm(high - low)) / 2, 1e-6)
     distance_m = 2 * radius_m * FOCAL_PX / SIZE_PX * 1.15

@@ -1,7 +1,8 @@
-"""What a learned refiner saw and answered at a step, as one picture, for the page and for recordings.
+"""Input and output of a learned refiner at a step, as one picture, for the page and for recordings.
 
-The crops side by side, two in a row. Over the one that shows the model at its pose, or over the image, the step: the
-shift as a white line that ends in a dot, as long as it is, and the axis of the turn in yellow, longer for larger turns.
+The crops side by side, two in a row. The step is drawn over the crop that shows the model at its pose, or over the
+image: the shift as a white line of its length that ends in a dot, and the axis of the turn in yellow, longer for larger
+turns.
 """
 
 from __future__ import annotations
@@ -57,7 +58,9 @@ def step_words(step: RefinerStep) -> tuple[str, ...]:
 
 
 def start_words(refiner: Refiner, target: Target, T_cam_obj: Float) -> str:
-    """How far from the ground truth a call began, and up to where the refiner was trained; "" where one is unknown."""
+    """How far from the ground truth a call began, and how far the refiner was trained for; "" where either is
+    unknown.
+    """
     trained = refiner.trained_range if isinstance(refiner, TrainedRefiner) else None
     if trained is None or target.instance.T_cam_obj_gt is None:
         return ""
@@ -98,7 +101,7 @@ def _draw_step(tile: PilImage.Image, step: RefinerStep) -> None:
 
 
 def _ends(crop: NDArray) -> tuple[float, float]:
-    """The smallest and the largest number, apart."""
+    """The smallest and the largest number, made different."""
     known = crop[np.isfinite(crop)]
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     return low, max(high, low + 1e-9)

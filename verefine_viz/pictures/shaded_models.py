@@ -17,9 +17,9 @@ from verefine_viz.rendering.rendered_scene import render_scene
 Region = tuple[int, int, int, int]
 """[u0, v0, width, height] of a part of the image [px]."""
 FINER = 2
-"""So many times finer than the camera's pixels a picture is at most."""
+"""A picture's resolution in the camera's pixels, at most."""
 MOST_PX = 480
-"""Width and height of a picture at most, unless the model is larger in the camera's own pixels."""
+"""Largest width and height of a picture, unless the model is larger in the camera's own pixels."""
 
 
 def shaded_picture(target: Target, T_cam_obj: Float) -> tuple[Region, bytes] | None:
@@ -29,7 +29,7 @@ def shaded_picture(target: Target, T_cam_obj: Float) -> tuple[Region, bytes] | N
 
 
 def region_of(target: Target, T_cam_obj: Float) -> Region | None:
-    """[u0, v0, width, height] of the pixels that may show the model; None where it is not in the image."""
+    """[u0, v0, width, height] of the pixels that may show the model; None where the model is not in the image."""
     camera = target.observation.camera
     points_cam = apply(T_cam_obj, target.model.vertices)
     in_front = points_cam[:, 2] > 0.01
@@ -58,7 +58,7 @@ def picture(target: Target, T_cam_obj: Float, region: Region) -> bytes:
 
 
 def part_of(camera: Camera, region: Region, finer: int) -> Camera:
-    """The camera that sees a region, with pixels that much finer."""
+    """The camera that sees a region, with pixels finer by a factor."""
     u0, v0, width, height = region
     cx, cy = ((c + 0.5 - edge) * finer - 0.5 for c, edge in zip((camera.cx, camera.cy), (u0, v0), strict=True))
     K = np.array([[camera.fx * finer, 0.0, cx], [0.0, camera.fy * finer, cy], [0.0, 0.0, 1.0]])

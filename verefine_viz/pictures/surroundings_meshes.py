@@ -16,7 +16,7 @@ SOLID_COLOR: RGB = (200, 150, 90)
 UNKNOWN_COLOR: RGB = (236, 72, 196)
 DROPPED_COLOR: RGB = (130, 130, 130)
 LIFT_M = 0.0005
-"""Surfaces are drawn this much higher, above the tops of the solids below them [m]."""
+"""Surfaces are raised by this much, so that they lie above the tops of the solids below them [m]."""
 
 Mesh = tuple[Float, NDArray[np.int32]]
 """Vertices (V, 3) in the world [m] and faces (F, 3)."""
@@ -24,12 +24,12 @@ Mesh = tuple[Float, NDArray[np.int32]]
 
 @dataclass(frozen=True, eq=False)
 class DrawnSurroundings:
-    """What is drawn; a mesh without faces where there is nothing of its kind."""
+    """The meshes to draw, without faces where there is nothing of the kind."""
 
     surfaces: Mesh
-    """What supports, around the objects."""
+    """The supporting surfaces around the objects."""
     solids: Mesh
-    """What else stands there."""
+    """The other solids."""
     unknown: tuple[tuple[UnknownObject, RGB], ...]
 
 
@@ -39,7 +39,7 @@ def drawn_surroundings(around: Surroundings, middle_world: Float, reach_m: float
     Args:
         around: of the frame.
         middle_world: (3,) the middle of the objects [m].
-        reach_m: surfaces are drawn up to this far from it, to each side.
+        reach_m: surfaces are drawn up to this distance from it, to each side.
     """
     x, y = middle_world[:2]
     square = np.array([[x - reach_m, y - reach_m], [x + reach_m, y - reach_m],
@@ -50,7 +50,7 @@ def drawn_surroundings(around: Surroundings, middle_world: Float, reach_m: float
         inward, offsets = surface.edges
         for normal, offset in zip(inward, offsets, strict=True):
             outline = clipped(outline, -normal, -float(offset))
-        # The base that only catches what falls is no surface that was seen.
+        # The base only catches what falls; it was not seen.
         if len(outline) >= 3 and not (surface is around.base and around.catches):
             fan = [(0, k, k + 1) for k in range(1, len(outline) - 1)]
             tops.append((surface.lifted(outline) + np.array([0.0, 0.0, LIFT_M]), np.array(fan, np.int32)))

@@ -1,6 +1,6 @@
-"""The search tree that the records of PHYSIM-MCTS add up to, with the visits and costs that page and recordings show.
+"""The search tree that the records of PHYSIM-MCTS describe, with the visits and costs that page and recordings show.
 
-Their pictures are different: the page folds it into layers of boxes, a recording shows every node in a graph view.
+They draw it differently: the page folds it into layers of boxes, a recording shows every node in a graph view.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ ROOT = -1
 
 @dataclass(frozen=True)
 class DrawnNode:
-    """One node: an object placed from one of its hypotheses, after those of the nodes above."""
+    """One node: an object placed from one of its hypotheses, after the objects of the nodes above."""
 
     number: int
     """0 is the root, in which nothing is placed."""
     parent: int
     depth: int
-    """Objects placed, this one included."""
+    """Number of objects placed, this one included."""
     instance_id: int
     arm: int
     lcp: float
@@ -32,7 +32,7 @@ class DrawnNode:
     cost_px: float = 0.0
     """Sum over the visits."""
     children: tuple[int, ...] = ()
-    """As they came about."""
+    """In the order in which they were added."""
 
     @property
     def mean_px(self) -> float:
@@ -51,7 +51,7 @@ class Tree:
     branch: tuple[int, ...]
     """Nodes from the root to the one visited last."""
     incumbent: tuple[int, ...]
-    """Nodes from the root to where the best complete scene comes from; what lies below is its roll-out."""
+    """Nodes from the root to the one from which the best scene was completed by a roll-out."""
     incumbent_px: float
     incumbent_iteration: int
     costs: tuple[tuple[int, float, float], ...]
@@ -60,7 +60,7 @@ class Tree:
     """Why each node of the branch after the root was chosen."""
 
     def below(self, number: int = 0) -> Iterator[DrawnNode]:
-        """The nodes below one, parents first, the most visited sibling first and the cheaper one on ties."""
+        """The nodes below a node, parents first, the most visited sibling first and the cheaper one on ties."""
         children = (self.nodes[k] for k in self.nodes[number].children)
         for child in sorted(children, key=lambda n: (-n.visits, n.mean_px, n.number)):
             yield child
@@ -68,7 +68,7 @@ class Tree:
 
 
 class GrowingTree:
-    """The tree of one cluster, step by step; without any it has the root alone."""
+    """The tree of one cluster, built step by step; without any step it has the root alone."""
 
     def __init__(self, cluster: int) -> None:
         self._cluster = cluster
@@ -79,7 +79,7 @@ class GrowingTree:
         self._choices: tuple[str, ...] = ()
 
     def add(self, index: int, step: TreeStep) -> None:
-        """Takes the next step, which was iteration ``index``."""
+        """Add the next step, made in iteration ``index``."""
         nodes, added = self._nodes, step.node
         if added is not None:
             parent = nodes[added.parent]
@@ -96,6 +96,6 @@ class GrowingTree:
 
     @property
     def tree(self) -> Tree:
-        """As it is now."""
+        """The tree as it is now."""
         nodes, costs = tuple(self._nodes), tuple(self._costs)
         return Tree(self._cluster, nodes, self._branch, *self._incumbent, costs, self._choices)

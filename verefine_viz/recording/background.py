@@ -1,4 +1,4 @@
-"""What does not change during a run, logged once: the frame, its support plane, a mesh for everything drawn later.
+"""The static part of a recording, logged once: the frame, its support plane, and a mesh for everything drawn later.
 
 Stages of an object move by their transforms alone, so their meshes are made once for all frames that show them.
 """
@@ -31,11 +31,11 @@ from verefine_viz.recording.layout import Layout, world_from_camera
 from verefine_viz.recording.recording_file import RecordingFile
 
 CLOUD_POINTS, CLOUD_POINTS_WITH_PICTURES = 3_000, 20_000
-"""About how many pixels of the objects are drawn as points; the rest of the frame gets far fewer."""
+"""About as many pixels of the objects are drawn as points; the rest of the frame gets far fewer."""
 AROUND = 3
-"""Around the objects, every so many-th in a row of those that would be drawn of the objects."""
+"""Around the objects, the step between drawn pixels is this many times that on the objects."""
 SPARSE_PX = 12
-"""Every so many-th pixel far from the objects."""
+"""Step between drawn pixels far from the objects."""
 PLANE_COLOR, GRAVITY_COLOR, NORMAL_COLOR = 0x5A8CA02D, 0x78BEDCFF, 0x78A5D7FF
 SURFACE_ALPHA, SOLID_ALPHA = 90, 150
 DRAWN_FACES, DRAWN_FACES_IN_SCENE = 1200, 500
@@ -93,7 +93,7 @@ def _log_object(file: RecordingFile, target: Target, layout: Layout, own: RGB | 
         mesh = mesh or drawn_mesh(target.model, n_faces, color, STAGE_ALPHA[stage])
         file.log(entities.stage(branch, stage), mesh, rr.CoordinateFrame(entities.stage_frame(branch, stage)))
     if target.instance.hypotheses:
-        # Until the run is over: then its answers are looked at.
+        # Hidden once the run is over: then its answers are looked at.
         file.log_at(entities.TIMELINE, 0, entities.hypotheses(branch), _ghosts(target))
     T_gt = target.instance.T_cam_obj_gt
     if T_gt is not None:
@@ -123,7 +123,7 @@ def _ghosts(target: Target) -> rr.Mesh3D:
 
 @lru_cache(maxsize=256)
 def drawn_mesh(model: ObjectModel, n_faces: int, color: RGB, alpha: int) -> rr.Mesh3D:
-    """A model in one colour, with about so many faces."""
+    """A model in one colour, with about a given number of faces."""
     vertices, faces, normals = _simplified(model, n_faces)
     return rr.Mesh3D(
         vertex_positions=vertices, triangle_indices=faces, vertex_normals=normals, albedo_factor=(*color, alpha)
@@ -166,11 +166,11 @@ def _log_images(file: RecordingFile, problem: Problem) -> None:
     observation = problem.observation
     if observation.rgb is not None:
         file.log(entities.IMAGE, rr.Image(observation.rgb).compress(jpeg_quality=85))
-    # Tenths of a millimetre as long as they fit 16 bits.
+    # In tenths of a millimetre if they fit into 16 bits.
     units_per_m = 10_000 if observation.depth_m.max(initial=0) < 6.5 else 1_000
     # Not as PNG, which is smaller but slow to encode.
     depth = np.rint(observation.depth_m * np.float32(units_per_m)).clip(0, 65535).astype(np.uint16)
-    # Pixels without depth are 0 and get the darkest colour, which nothing that was measured should have.
+    # Pixels without depth are 0 and get the darkest colour, which no measured pixel should have.
     nearest, farthest = _depth_range(depth)
     ranged = (nearest - 0.15 * (farthest - nearest), farthest)
     image = rr.DepthImage(depth, meter=float(units_per_m), colormap="viridis", depth_range=ranged)
@@ -185,7 +185,7 @@ def _log_images(file: RecordingFile, problem: Problem) -> None:
 
 
 def _depth_range(depth: NDArray[np.uint16]) -> tuple[float, float]:
-    """From where to where the depths are, single outliers aside."""
+    """Range of the depths, without single outliers."""
     known = depth[::4, ::4][depth[::4, ::4] > 0]
     if not len(known):
         return 0.0, 1.0
@@ -209,7 +209,7 @@ def _cloud(observation: Observation, near_m: float, n_points: int) -> rr.Points3
     sparse[:: max(SPARSE_PX, around), :: max(SPARSE_PX, around)] = True
     rows, columns = np.hstack([np.nonzero(dense), np.nonzero(sparse)])
     z = observation.depth_m[rows, columns]
-    # Far background would only shrink what matters when the view is fitted.
+    # Far background would shrink the objects in a view that is fitted to all points.
     is_near = (z > 0) & (z < np.float32(2.5 * near_m))
     rows, columns, z = rows[is_near], columns[is_near], z[is_near]
     camera = observation.camera
@@ -229,7 +229,7 @@ def _around_objects(mask: Mask) -> tuple[int, int, int, int]:
 
 
 def _depth_m(T_world_cam: Float, point_world: tuple[float, float, float]) -> float:
-    """How far in front of the camera a point is; 1 m for one that is not."""
+    """Depth of a point in front of the camera; 1 m for one that is not in front."""
     depth_m = float(T_world_cam[:3, 2] @ (point_world - T_world_cam[:3, 3]))
     return depth_m if depth_m > 0 else 1.0
 
@@ -258,7 +258,7 @@ def _log_support(file: RecordingFile, support: Support, layout: Layout) -> None:
 
 
 def _log_surroundings(file: RecordingFile, drawn: DrawnSurroundings) -> None:
-    """What supports, what else stands there, and each unknown object with its number."""
+    """Log the supporting surfaces, the other solids, and each unknown object with its number."""
     for entity, (vertices, faces), color, alpha in (
         (entities.SURFACES, drawn.surfaces, SURFACE_COLOR, SURFACE_ALPHA),
         (entities.SOLIDS, drawn.solids, SOLID_COLOR, SOLID_ALPHA),

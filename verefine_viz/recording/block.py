@@ -1,4 +1,4 @@
-"""Iterations that follow one another, and the numbers of all of them as arrays."""
+"""Consecutive iterations, and their numbers as arrays."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ class Block:
         self._moved_mm, self._turned_deg = _motions(
             self.Ts_cam_obj, np.repeat(self._firsts, self.n_stages), np.arange(len(self.stages))
         )
-        """(s,) how far each pose is from the first of its iteration: origins, angle."""
+        """(s,) distance of each pose from the first of its iteration: origins [mm], angle [°]."""
 
     def motions(self) -> Iterator[tuple[list[float], list[float]]]:
-        """How far the stages of each iteration are from its first: origins [mm], angle [°]."""
+        """Distance of each stage from the first one of its iteration: origins [mm], angle [°]."""
         moved_mm, turned_deg = self._moved_mm.tolist(), self._turned_deg.tolist()
         for first, n in zip(self._firsts.tolist(), self.n_stages, strict=True):
             yield moved_mm[first : first + n], turned_deg[first : first + n]
 
     def own(self, instance_id: int) -> list[int]:
-        """Which iterations are about that object."""
+        """Whether each iteration is about that object."""
         return [k for k, i in enumerate(self.iterations) if i.instance_id == instance_id]
 
     @cached_property
@@ -71,14 +71,14 @@ class Block:
 
 
 def last_contacts(iteration: Iteration) -> Contacts:
-    """The contacts at the end of its simulation."""
+    """The contacts at the end of an iteration's simulation."""
     path = iteration.path
     return path.contacts[-1] if path is not None and path.contacts else NO_CONTACTS
 
 
 def _simulator_and_refiner(iteration: Iteration) -> tuple[int, int, int]:
-    """Which of an iteration's poses the simulation came to, the refiner began with and came to; where one of them did
-    not work, the pose before.
+    """Indices of the poses with which an iteration's simulation ended, the refiner began, and the refiner ended; where
+    one did not run, of the pose before.
     """
     at = {stage.name: k for k, stage in enumerate(iteration.stages)}
     mixed = at.get("mixed", 0)

@@ -25,7 +25,7 @@ _SIMULATED, _REFINED = STAGE_COLORS["simulated"], STAGE_COLORS["refined"]
 
 @dataclass(frozen=True)
 class CurveStyle:
-    """One curve of a group: the last part of its entity, how it is called, its colour."""
+    """One curve of a group: the last part of its entity path, its name, its colour."""
 
     entity: str
     name: str
@@ -70,7 +70,7 @@ _STYLES: Mapping[str, tuple[CurveStyle, ...]] = {
 """Groups whose curves are the same for every object; those of :data:`_BY_HYPOTHESIS` have one per hypothesis."""
 _BY_HYPOTHESIS = ("score", "ucb", "pulls")
 _ALONE = ("best", "add_s")
-"""Groups of one curve per object, which is called after it."""
+"""Groups of one curve per object, named after the object."""
 
 
 def styles_of(group: str, branch: ObjectBranch) -> tuple[CurveStyle, ...]:
@@ -94,7 +94,7 @@ def log_scene_styles(file: RecordingFile, layout: Layout) -> None:
         for group in _ALONE:
             color = layout.colors[branch.instance_id]
             file.log(entities.curves(group, branch.name), _line(branch.name, color, 2.0))
-    # Clusters have curves of their own, called after their first object.
+    # Clusters have curves of their own, named after their first object.
     for branch in layout.branches:
         for group, is_there in (("scene", layout.has_passes), ("cost", layout.has_tree)):
             if is_there:
@@ -151,7 +151,7 @@ def send_curves(
 
 
 def send_scene_curves(file: RecordingFile, layout: Layout, block: Block) -> None:
-    """The curves that go over all objects."""
+    """The curves about all objects together."""
     for branch in layout.branches:
         own = block.own(branch.instance_id)
         if own:
@@ -199,6 +199,6 @@ def _send(
 
 
 def _line(name: str, color: RGB, width: float, holds: bool = True) -> rr.SeriesLines:
-    """``holds``: what was reached holds until something else is."""
+    """``holds``: each value holds until the next one."""
     mode = "StepAfter" if holds else "Linear"
     return rr.SeriesLines(names=[name], colors=[color], widths=[width], interpolation_mode=mode)

@@ -12,7 +12,7 @@ from verefine_viz.core.problem import Instance, Problem
 
 TIMELINE = "iteration"
 SEQUENCE_FILE = "sequence.rrd"
-"""Name of the recording that goes over the frames of a batch, not over iterations."""
+"""Name of the recording over the frames of a batch instead of the iterations of a run."""
 APPLICATION = "verefine_viz"
 PROPERTY = "verefine"
 PROPERTIES = f"/__properties/{PROPERTY}"
@@ -38,8 +38,7 @@ CONTOURS = f"{CAMERA}/contours"
 MAPS = "/maps"
 OBSERVED_COLOUR, OBSERVED_DEPTH = f"{MAPS}/observed/colour", f"{MAPS}/observed/depth"
 COMPARED = ("before", "after")
-"""The two poses of an iteration whose maps are drawn: simulated and refined, else what was there and what became of
-it."""
+"""The two poses of an iteration whose maps are drawn: simulated and refined, else the first and the last."""
 SCENE_MAPS = "/scene_maps"
 REFINER = "/refiner/steps"
 REFINER_WORDS = "/refiner/numbers"
@@ -58,13 +57,14 @@ LANDSCAPE = "/landscape"
 FILM = "/film"
 GRASP = "/grasp"
 GRASP_TIMELINE = "grasp"
-"""In moments, 30 a second; one object's grasp after the other."""
+"""In moments, 30 per second, one object's grasp after another."""
 GRASP_ENDS = f"{GRASP}/how_they_end"
 
 WORKED_ON = ("current", "simulated", "mixed", "refined")
 """Poses of the object being worked on that are drawn, in this order; where flips compete, "flipped" as well."""
 IN_SCENE = ("placed", "incumbent")
-"""More in a scene: where it stands while others are worked on, and its pose in the best scene so far."""
+"""Two more poses in a scene of several objects: where it stands while others are worked on, and in the best scene so
+far."""
 
 
 def branch(instance: Instance, problem: Problem) -> str:
@@ -154,5 +154,5 @@ def moment(branch_name: str, k: int) -> str:
 
 
 def landscape_words(branch_name: str) -> str:
-    """What of an object's answer is undetermined."""
+    """The undetermined motions of an object's answer."""
     return f"{LANDSCAPE}/{branch_name}/undetermined"

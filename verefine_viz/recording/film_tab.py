@@ -16,10 +16,10 @@ JPEG_QUALITY = 88
 
 
 def log_film(file: RecordingFile, branch_name: str, film: Film) -> None:
-    """Log the moments of one object's answer, at no time of their own: they are compared with each other."""
+    """Log the moments of one object's answer as static data, to be seen side by side."""
     for k, (moment, panel) in enumerate(zip(film.moments, film.panels(), strict=True)):
         out = io.BytesIO()
-        # Lines of one pixel and text keep their colours only unsampled.
+        # One-pixel lines and text keep their colours only without chroma subsampling.
         panel.save(out, format="JPEG", quality=JPEG_QUALITY, subsampling=0)
         picture = rr.EncodedImage(contents=out.getvalue(), media_type="image/jpeg")
         file.log(entities.moment(branch_name, k), picture, rr.AnyValues(title=moment.title, caption=moment.caption))

@@ -1,4 +1,4 @@
-"""Graphs: which objects depend on which, and the search tree of PHYSIM-MCTS as it grows."""
+"""Graphs of a recording: which objects depend on which, and the search tree of PHYSIM-MCTS as it grows."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.recording_file import RecordingFile
 
 NODE_WIDTH = 210.0
-"""What a node with its label takes from left to right."""
+"""Width of a node with its label."""
 VERBS: Mapping[EdgeKind, str] = {"contact": "may touch", "occlusion": "hides", "support": "supports"}
 BESIDE, DEEPER = 34.0, 290.0
-"""In a tree: between neighbouring leaves, one below the other, and from a node to its children, to the right."""
+"""Distances in a tree: between neighbouring leaves, downwards, and from a node to its children, to the right."""
 ROOT_COLOR: RGB = (150, 150, 150)
 ON_BRANCH: RGB = (255, 255, 255)
 
 
 def log_dependencies(file: RecordingFile, graph: DependencyGraph, layout: Layout) -> None:
-    """Nodes, edges and evidence; static."""
+    """Log nodes, edges and evidence; static."""
     names = {b.instance_id: b.name for b in layout.branches}
     rank = {i: n for n, i in enumerate(graph.order, start=1)}
     known = [i for i in graph.order if i in names]
@@ -43,14 +43,14 @@ def log_dependencies(file: RecordingFile, graph: DependencyGraph, layout: Layout
         if e.state == "used" and {e.first, e.second} <= set(known)
         for pair in _arrows(e, names)
     ]
-    # Nodes and edges of different entities would be different graphs.
+    # Nodes and edges in different entities would be different graphs.
     file.log(entities.GRAPH_OBJECTS, nodes, rr.GraphEdges(pairs, graph_type="directed"))
     file.log(entities.EVIDENCE, rr.TextDocument(_evidence(graph, names), media_type="text/markdown"))
 
 
 def _ring_positions(clusters: Sequence[Sequence[int]]) -> list[tuple[float, float]]:
-    """Clusters in rows and columns, each a ring in which the order goes round from the top: no edge of a cluster then
-    runs through a third node.
+    """Positions of the nodes: clusters in rows and columns, each a ring in solving order from the top, so that no edge
+    of a cluster runs through a third node.
     """
     largest = max(map(len, clusters), default=1)
     across, down = (NODE_WIDTH * max(2.0, math.sqrt(largest)) * f for f in (1.0, 0.6))
@@ -65,13 +65,13 @@ def _ring_positions(clusters: Sequence[Sequence[int]]) -> list[tuple[float, floa
 
 
 def _arrows(edge: Edge, names: Mapping[int, str]) -> list[tuple[str, str]]:
-    """From the object that supports or hides to the other; both ways where they only may touch."""
+    """Arrow from the object that supports or hides to the other; both ways where the two may merely touch."""
     first, second = names[edge.first], names[edge.second]
     return [(first, second), (second, first)] if edge.kind == "contact" else [(first, second)]
 
 
 def _evidence(graph: DependencyGraph, names: Mapping[int, str]) -> str:
-    """The order and what it follows from, as markdown."""
+    """The order and its evidence, as markdown."""
 
     def name(instance_id: int) -> str:
         return plain(names.get(instance_id, f"#{instance_id}"))
@@ -92,14 +92,14 @@ def _evidence(graph: DependencyGraph, names: Mapping[int, str]) -> str:
 
 
 class TreeGraphs:
-    """The search trees as they grow; each iteration is drawn as the whole tree it left."""
+    """The growing search trees; each iteration is drawn as the whole tree after it."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
         self._by_cluster: dict[int, GrowingTree] = {}
 
     def send(self, file: RecordingFile, iterations: Sequence[Iteration]) -> None:
-        """The tree after each of the next iterations that did something to it."""
+        """The tree after each of the next iterations that changed it."""
         steps = [(i.index, i.tree) for i in iterations if i.tree is not None]
         if not steps:
             return
@@ -136,7 +136,7 @@ class TreeGraphs:
 
 
 def _tree_positions(nodes: Sequence[DrawnNode]) -> list[tuple[float, float]]:
-    """Leaves one below the other, parents to the left of the middle of their children."""
+    """Positions of a tree's nodes: leaves one below another, parents to the left of the middle of their children."""
     down = [0.0] * len(nodes)
     n_leaves = 0
     parents_first: list[DrawnNode] = []

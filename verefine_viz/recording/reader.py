@@ -19,10 +19,10 @@ _HEAD_BYTES = 12
 def read_recording(path: Path) -> RunRecord:
     """The run in a run file (``.vfrun``) or a recording (``.rrd``).
 
-    Its content is checked here; what draws it or runs it again relies on that.
+    Its content is checked here; code that draws it or runs it again relies on this.
 
     Raises:
-        InputError: there is no such file, it is not one of this program, or nothing of a run can be read in it.
+        InputError: there is no such file, it is not one of this program, or nothing of a run can be read from it.
     """
     if path.name == entities.SEQUENCE_FILE:
         raise InputError(

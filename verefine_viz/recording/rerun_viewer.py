@@ -23,9 +23,9 @@ class OpenViewer:
 
     process: subprocess.Popen[bytes]
     address: str
-    """What to type into a browser; empty = it is a window of its own."""
+    """The address to type into a browser; empty = the viewer has a window of its own."""
     note: str = ""
-    """What is wrong with the recording."""
+    """A note on what is wrong with the recording."""
 
 
 def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
@@ -41,7 +41,7 @@ def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
     """
     check_rerun_file(path)
     note = "" if is_whole(path) else f"{path} is damaged; the viewer shows what can be read of it"
-    # Its own lines, in colours, would bury ours.
+    # The viewer's own coloured lines would bury ours.
     env = {"RUST_LOG": "off", "NO_COLOR": "1", **os.environ}
     in_browser = not has_display() if web is None else web
     if not in_browser:

@@ -1,4 +1,6 @@
-"""A recording against a new run of its session: the same bit by bit, and if not, how far apart."""
+"""Compares a recording with a new run of its session: whether they agree bit for bit, and if not, how far apart they
+are.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ from verefine_viz.run.run_header import NO_WEIGHTS, header_of, session_of
 from verefine_viz.run.session_parts import weights_of
 from verefine_viz.run.versions import versions
 
-# Bit-for-bit comparison of records, timings left out: what "the same run" means.
+# Records are compared bit for bit, timings left out: this is what "the same run" means.
 
 
 @dataclass(frozen=True)
@@ -32,8 +34,8 @@ class Difference:
     words: str
     """Which field, and how: ``stages[1].T_cam_obj[0, 3]: 0.5 against 0.5000000000000001, by 1.1e-16``."""
     size: float
-    """How far its numbers are apart, as a share of the larger one where that is above 1; infinite where it does not
-    hold floating-point numbers, as many in both."""
+    """Difference of its numbers, as a share of the larger one where that is above 1; infinite unless both sides hold
+    equally many floating-point numbers."""
 
 
 def first_difference(a: Any, b: Any, path: str = "") -> str | None:
@@ -71,11 +73,11 @@ def differences(a: Any, b: Any, path: str = "") -> Iterator[Difference]:
 
 
 _KINDS: dict[type, str] = {type(None): "nothing", np.ndarray: "an array", tuple: "a list", list: "a list"}
-"""What values are called whose types have other names."""
+"""Words for types of values in messages."""
 
 
 def _array_difference(a: np.ndarray, b: np.ndarray, path: str) -> Difference:
-    """The furthest apart of the entries of two arrays of the same shape and type that are not the same bits."""
+    """The largest difference between two arrays of the same shape and type, at entries whose bits differ."""
     values_a, values_b = a.ravel().tolist(), b.ravel().tolist()
     bits_a, bits_b = (np.ascontiguousarray(x).view(np.uint8).reshape(a.size, -1) for x in (a, b))
     differing = np.flatnonzero((bits_a != bits_b).any(axis=1)).tolist()
@@ -90,7 +92,7 @@ def _array_difference(a: np.ndarray, b: np.ndarray, path: str) -> Difference:
 def _value_difference(a: Any, b: Any, path: str) -> Difference:
     size = _size(a, b)
     if isinstance(a, float):
-        a, b = float(a), float(b)  # So that numpy's own are shown as numbers.
+        a, b = float(a), float(b)  # Python numbers, as numpy's would be shown with their type.
     by = f", by {abs(a - b):.2g}" if 0 < size < math.inf else ""
     return Difference(f"{path}: {a!r} against {b!r}{by}", size)
 
@@ -108,28 +110,27 @@ START, ANSWERS = "the start", "the answers"
 """Parts of a recording beside its iterations."""
 
 ROUNDING = 1e-6
-"""Numbers that differ by a smaller share, or by less where they are below 1, count as differing in their last digits.
-
-A micrometre in a pose. Rounding begins ten digits further down, but contacts in the simulation amplify it.
+"""Numbers that differ by a smaller share, or absolutely by less where they are below 1, count as differing in their
+last digits: a micrometre in a pose. Rounding begins ten digits further down, but contacts in the simulation amplify it.
 """
 
 
 @dataclass(frozen=True)
 class Verification:
-    """A recording against a new run of its session."""
+    """Outcome of comparing a recording with a new run of its session."""
 
     n_compared: int
-    """Iterations of both that are the same bit by bit, from the first."""
+    """Number of iterations from the first on that agree bit for bit."""
     difference: str | None
-    """Where the new run first differs, how, by how much and why, as far as that is known; None = nowhere."""
+    """Where the new run first differs, how, by how much and, if known, why; None = nowhere."""
     n_planned: int
-    """Iterations that the new run has in all."""
+    """Number of iterations of the new run."""
     missing: str = ""
-    """What of the recording could not be read, or was never written, a sentence; "" = nothing."""
+    """A sentence on what part of the recording could not be read, or was never written; "" = none."""
 
     @property
     def ends_early(self) -> bool:
-        """Nothing differs, but the end of the recording is missing: it was stopped, truncated or damaged."""
+        """Whether nothing differs but the end of the recording is missing: it was stopped, truncated or damaged."""
         return self.difference is None and bool(self.missing)
 
     @property
@@ -151,7 +152,7 @@ def verify(path: Path, make_run: MakeRun | None = None, make_end: MakeEnd | None
     """Runs the recorded session again and compares bit by bit, as far as the recording goes: what it began from
     (ground truth, hypotheses, their scores), every iteration, and the answers.
 
-    Where only last digits differ it goes on, to know whether they lead anywhere.
+    Where only the last digits differ it goes on, to see whether larger differences follow.
 
     Args:
         path: the recording.
@@ -159,16 +160,16 @@ def verify(path: Path, make_run: MakeRun | None = None, make_end: MakeEnd | None
         make_end: works out the answers of the new run, as those of the recording were; None = they are not compared.
 
     Raises:
-        InputError: it is not a recording of this program, or its data are gone.
+        InputError: the file is not a recording of this program, or its data are gone.
     """
     recorded = read_recording(path)
     run = (make_run or run_again)(recorded)
     first_and_real: list[tuple[str, Difference]] = []
-    """The first difference, and the first that is more than rounding; each with where it is."""
+    """The first difference, and the first that is more than rounding, each with its place."""
     n_same, largest = 0, 0.0
     for where, here in _compared(recorded, run, make_end):
         if where == ANSWERS and first_and_real:
-            break  # They follow from iterations that differ.
+            break  # Answers follow from iterations, which differ already.
         n_same += not first_and_real and not here and where not in (START, ANSWERS)
         largest = max([largest, *(d.size for d in here)])
         real = next((d for d in here if d.size > ROUNDING), None)
@@ -222,7 +223,7 @@ def _compared(recorded: RunRecord, run: Run, make_end: MakeEnd | None) -> Iterat
 
 
 def _derived(header: RunHeader) -> RunHeader:
-    """A header without what a run is made from, and by."""
+    """A header without the fields on what a run was made from and by which versions."""
     return structs.replace(header, format=FORMAT, session="", versions={})
 
 
@@ -233,7 +234,7 @@ def _differences(iteration: Iteration, run: Run) -> list[Difference]:
 
 
 def _describe(first_and_real: list[tuple[str, Difference]], largest: float, recorded: RunRecord) -> str:
-    """The first difference and, where that is rounding and more follows, the first that is not."""
+    """The first difference and, where that is only rounding, the first that is more."""
     (where, first), changed = first_and_real[0], _changed(recorded)
     text = f"{where}: {first.words}"
     if first.size > ROUNDING:
@@ -252,6 +253,6 @@ def _describe(first_and_real: list[tuple[str, Difference]], largest: float, reco
 
 
 def _changed(recorded: RunRecord) -> str:
-    """What is here in another version, or with other weights, which may be the reason."""
+    """Names the libraries and weights that differ from the recording's, a possible reason."""
     here = versions(weights_of(session_of(recorded.header)))
     return ", ".join(f"{n} {v} (here {here.get(n)})" for n, v in recorded.header.versions.items() if here.get(n) != v)

@@ -2,7 +2,7 @@
 
 It knows no object: it was trained on shapes that are in no data set. What it sees is a crop around the object at the
 current pose (:mod:`verefine_viz.learned.depth_crops`). Its step is coarse and its basin wide; ICP with a tight gate,
-called after it, makes the rest of the way.
+called afterwards, refines the rest.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from verefine_viz.rendering.prepared import MeshStore
 NETWORK = "depth_net"
 """Its name in weights and settings."""
 LARGEST_RAD, LARGEST_SHIFT = np.deg2rad(60.0), 1.0
-"""Steps are shortened to this [rad], [radii]: weights that were trained badly must not throw an object out of sight."""
+"""Longest step [rad], [radii]: badly trained weights must not throw an object out of sight."""
 TURN_RADII = 0.6
 """How far a turn by 1 rad moves an object's points on average, about [radii]."""
 LEAST_SHARE = 0.7
-"""A step shorter than this share of the error that the network expects after it is not taken: it would wander, a call
-after another, about poses that depth cannot tell apart."""
+"""A step shorter than this share of the error that the network expects after it is not taken: call after call, the pose
+would wander among poses that depth cannot distinguish."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +55,9 @@ class NetworkStep:
     """One step of the network from N poses."""
 
     channels: NDArray[np.float32]
-    """(N, C, S, S) what it saw."""
+    """(N, C, S, S) input of the network."""
     answers: Float
-    """(N, 7) what it answered; 0 where nothing could be seen."""
+    """(N, 7) output of the network; 0 where the crop shows nothing."""
     Ts_cam_obj: Float
     """(N, 4, 4) the poses after it [m]."""
 
@@ -72,10 +72,10 @@ class DepthNet:
 
     Args:
         settings: weights and number of steps.
-        simplify_mm: deviation of the mesh that is drawn, that of the score, so that one mesh serves both [mm].
+        simplify_mm: deviation of the rendered mesh; the score's, so that one mesh serves both [mm].
 
     Raises:
-        InputError: the weights cannot be read, or are of another network.
+        InputError: the weights cannot be read, or belong to another network.
     """
 
     def __init__(self, settings: DepthNetSettings, simplify_mm: float) -> None:
@@ -86,19 +86,19 @@ class DepthNet:
 
     @property
     def trained_range(self) -> TrainedRange | None:
-        """As the model card of the weights has it."""
+        """Trained range, from the model card of the weights."""
         return self._network.card.trained_range
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         """The refined pose (4, 4); the given one where the mask holds no depth or the model does not show.
 
         Raises:
-            InputError: the network's answer is not finite, or not of that many numbers.
+            InputError: the network's output is not finite, or has the wrong size.
         """
         return self.steps(target, T_cam_obj)[-1].Ts_cam_obj[0]
 
     def steps(self, target: Target, T_cam_obj: Float) -> list[NetworkStep]:
-        """Every step from a pose (4, 4), with what the network saw and answered."""
+        """Every step from a pose (4, 4), with the network's input and output."""
         observation, instance = target.observation, target.instance
         mesh, extent = self._meshes.get(target.model), self._extent(target.model)
         Ts = finite(T_cam_obj, "pose to refine", (4, 4))[None]
@@ -110,7 +110,7 @@ class DepthNet:
         return steps
 
     def explain(self, target: Target, T_cam_obj: Float) -> list[RefinerStep]:
-        """What the network saw and answered, step by step; a step that is not worth it is not taken."""
+        """The network's input and output, step by step; a step too short to be worth it is not taken."""
         extent = self._extent(target.model)
         return [
             self._explained(step.channels[0], step.answers[0], extent)
@@ -150,11 +150,11 @@ class DepthNet:
 
 
 class DepthNetIcp:
-    """The network first, then ICP with the tight gate throughout: what is far away is done, and must not be undone.
+    """The network first, then ICP with the tight gate throughout, which cannot undo what the network achieved.
 
     Args:
-        net: what goes first.
-        icp: settings of what follows, but for the gate.
+        net: the network.
+        icp: settings of the ICP that follows, except its gate.
     """
 
     def __init__(self, net: DepthNet, icp: IcpSettings) -> None:
@@ -162,7 +162,7 @@ class DepthNetIcp:
 
     @property
     def trained_range(self) -> TrainedRange | None:
-        """Trained range of the network, which comes first."""
+        """Trained range of the network, which runs first."""
         return self._net.trained_range
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
@@ -170,7 +170,7 @@ class DepthNetIcp:
         return self._icp.refine(target, self._net.refine(target, T_cam_obj, fixed), fixed)
 
     def explain(self, target: Target, T_cam_obj: Float) -> list[RefinerStep]:
-        """The network's part, which comes first."""
+        """The steps of the network, which runs first."""
         return self._net.explain(target, T_cam_obj)
 
 
@@ -197,7 +197,7 @@ def _taken(answer: Float) -> Float:
 
 
 def _bounded(answer: Float) -> Float:
-    """The step (6,) of an answer (7,), turn and shift no longer than what a step may be."""
+    """The step (6,) of an answer (7,), its turn and shift limited to the longest step."""
     step = answer[:6].copy()
     for part, longest in ((step[:3], LARGEST_RAD), (step[3:], LARGEST_SHIFT)):
         length = float(np.sqrt(part @ part))
@@ -212,5 +212,5 @@ def _is_worth_it(step: Float, answer: Float) -> bool:
 
 
 def _largest_error(trained: TrainedRange) -> float:
-    """Mean error of the points of a pose at the border of the range [radii]."""
+    """Mean error of the points of a pose at the limit of the trained range [radii]."""
     return TURN_RADII * float(np.deg2rad(trained.rotation_deg)) + trained.shift_radii

@@ -1,12 +1,12 @@
 """Iterative closest points: the paper's refiner for point pair features (Sec. V). docs/methods.md 4.1.
 
-The observed cloud is the source and the model's cloud the target, so that what the sensor did not see of the model
-does not pull. It runs in the model's frame: the observed points are moved there, and one index of nearest points per
+The observed cloud is the source and the model's cloud the target, so that parts of the model that the sensor did not
+see do not pull. It runs in the model's frame: the observed points are moved there, and one index of nearest points per
 model serves all poses.
 
 The default gate starts at half of the observed cloud's largest extent and shrinks, by the same factor each iteration,
 to the published 0.1 of it; and a match counts only where the observed and the model's normal lie within 90°, which
-keeps the seen front from being pulled to the model's back. docs/methods.md 4.1 has what that gains.
+keeps the seen front from being pulled to the model's back. docs/methods.md 4.1 gives the gain.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ FIRST_GATE = 0.5
 SHRINKING_ITERATIONS = 10
 """Iterations over which the gate shrinks."""
 PUBLISHED_ITERATIONS = 2
-"""How many the published stop rule comes to."""
+"""Number of iterations of the published stop rule."""
 
 STOP_RULES = {"max_iterations": ALL_ITERATIONS, "tolerance": TOLERANCE, "published": PUBLISHED}
-"""The kernel's code of ``IcpSettings.stop``."""
+"""The kernel's code for ``IcpSettings.stop``."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Observed:
-    """What of a target does not depend on the pose."""
+    """Data of a target that do not depend on the pose."""
 
     points_cam: Float
     """(N, 3) [m], neighbours first."""
@@ -50,7 +50,7 @@ class _Observed:
     gates_m: Float
     """(max_iterations,)."""
     n_shrinking: int
-    """Iterations in which no small step ends the loop."""
+    """Number of iterations during which a small step does not end the loop."""
 
 
 class Icp:
@@ -119,7 +119,7 @@ def gate_schedule_m(extent_m: float, settings: IcpSettings) -> Float:
 
 
 def n_shrinking(gates_m: Float, settings: IcpSettings) -> int:
-    """Iterations in which no small step ends the loop, because the gate still changes."""
+    """Number of iterations during which a small step does not end the loop, because the gate still changes."""
     return 0 if settings.stop == "published" else int(gates_m.argmin())
 
 

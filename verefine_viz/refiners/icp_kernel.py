@@ -14,14 +14,15 @@ STEP_TOLERANCE = 1e-6
 ERROR_TOLERANCE_M2 = 1e-12
 """A change of the mean squared distance below this ends the loop [m²] (PCL's absolute epsilon)."""
 RELATIVE_TOLERANCE = 1.0
-"""The published relative epsilon: true as soon as there is a previous error, unless it doubles, so it means 2 steps."""
+"""The published relative epsilon: met as soon as there is a previous error, unless the error doubles, so it means 2
+steps."""
 MAX_ROUNDS, SETTLED = 20, 1e-14
-"""Rounds of the polar decomposition, and the change of an entry below which it is done."""
+"""Most rounds of the polar decomposition, and the change of an entry below which it ends."""
 FLAT = 1e-6
-"""A matrix whose determinant is below this share of its norm cubed is left to LAPACK."""
+"""A matrix whose determinant is below this share of its cubed norm is left to LAPACK."""
 DAMPING = 1e-3
-"""Point-to-plane: share of the mean curvature added to every direction, so that what flat faces leave free (sliding
-along them) does not move."""
+"""Point-to-plane: share of the mean curvature added to every direction, so that a motion that flat faces leave free
+(sliding along them) does not occur."""
 
 
 @kernel()
@@ -44,7 +45,7 @@ def icp_loop(
         index: of the cloud (M, 3) that stays.
         normals: (M, 3) of that cloud; (0, 3) if neither normals nor planes are used.
         gates_m: (K,) largest distance of a match in each iteration; K is the most iterations.
-        n_shrinking: iterations in which the gate still changes: no small step ends the loop during them.
+        n_shrinking: iterations during which the gate still changes, and a small step does not end the loop.
         stop: ``ALL_ITERATIONS``, ``TOLERANCE`` or ``PUBLISHED``.
         plane: minimise distances to tangent planes instead of points.
         pivot: (3,) whose displacement is the "shift" of a step: the origin of the frame that PCL would work in.
@@ -120,7 +121,7 @@ def refined_pose(
         stop: as there.
         plane: as there.
     """
-    # The published gate and tolerance are those of the camera's frame, whose origin is the pivot.
+    # The published gate and tolerance hold in the camera's frame, whose origin is the pivot.
     pivot = -(R.T @ t)
     source, source_normals = np.empty_like(points_cam), np.empty_like(normals_cam)
     _turn_back(R, t, points_cam, source)
@@ -167,11 +168,11 @@ def point_step(
     moved: np.ndarray, points: np.ndarray, match: np.ndarray, used: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The rigid step with the least sum of squared distances (Umeyama without scale)."""
-    # One pass, about a point near both clouds: what is taken off again afterwards is then no larger than what stays.
+    # One pass, about a point near both clouds: the mean subtracted at the end is then no larger than the result.
     ox, oy, oz = points[match[0], 0], points[match[0], 1], points[match[0], 2]
     ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    n_matches = 0  # Handed over, numba would compile all of this twice: for a number, and for the 0 it starts from.
+    n_matches = 0  # As an argument, it would make numba compile this twice: for a float, and for the initial 0.
     for i in range(len(moved)):
         if used[i]:
             n_matches += 1
@@ -204,7 +205,7 @@ def nearest_rotation(H: np.ndarray) -> np.ndarray:
 
     Where H keeps orientation it is the orthogonal factor of H's polar decomposition. Newton's iteration for it
     (Higham 1986), scaled by Frobenius norms, needs about six rounds of a few dozen operations; LAPACK's singular values
-    take ten times as long, and are left for what is flat or mirrored.
+    take ten times as long, and are used only for flat or mirrored matrices.
     """
     X = H.copy()
     for _ in range(MAX_ROUNDS):

@@ -1,12 +1,12 @@
-"""Exact nearest neighbours in a cloud that stays the same: built once per model, queried from compiled loops.
+"""Exact nearest neighbours in a fixed cloud: an index built once per model, queried from compiled loops.
 
 Space around the cloud is cut into cubes, and each cube keeps the few points that are nearest to some place inside it
-(the Voronoi cells it touches, by a bound that errs on the safe side). A query looks up its cube and compares those:
-no search, hardly a branch. Beyond the cubes every point is compared, or, where no gate keeps queries near, the cloud's
-:class:`Leaves` are searched. Single-threaded; the answer depends on the query alone.
+(the Voronoi cells it touches, by a bound that errs on the safe side). A query looks up its cube and compares those few
+points: no search, hardly a branch. Beyond the cubes every point is compared, or, where no gate keeps queries near, the
+cloud's :class:`Leaves` are searched. Single-threaded; the answer depends on the query alone.
 
 1000 queries among 2000 points take 0.02 ms, where scipy's cKDTree takes 0.41 and Open3D's search 0.22 for the same
-distances; building takes 53 ms, once per model. ICP asks so ten times a call.
+distances; building takes 53 ms, once per model. ICP makes ten such queries per call.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from verefine_viz.core.kernels import kernel
 from verefine_viz.core.model import ObjectModel
 
 MAX_CELLS = 2**16
-"""Most cubes: about 6 mm a side around an object of 200 mm."""
+"""Most cubes; about 6 mm a side around an object of 200 mm."""
 CELLS_PER_POINT = 32
-"""Cubes for clouds below 2048 points, which do not need as many."""
+"""Most cubes for clouds of fewer than 2048 points."""
 PADDING = 0.3
 """How far the cubes reach beyond the cloud, as a share of its largest extent; farther away every point is compared."""
 BLOCK = 4
-"""Cubes are filled in blocks of this many a side, which share one look at the whole cloud."""
+"""Cubes are filled in blocks of this many a side, which share one pass over the whole cloud."""
 LEAF = 32
 """Most points of a leaf."""
 CELLS_ACROSS = 16
@@ -36,7 +36,7 @@ CELLS_ACROSS = 16
 
 
 class NearestIndex(NamedTuple):
-    """What a query needs."""
+    """The index that a query needs."""
 
     points: Float
     """(N, 3) the cloud, in the order of :func:`neighbours_first`: queries near each other then read nearby memory."""
@@ -82,7 +82,7 @@ class NearestIndex(NamedTuple):
 
 
 def neighbours_first(points: Float) -> NDArray[np.int64]:
-    """(N,) an order of points (N, 3) in which most stand beside points that are near them."""
+    """(N,) an order of points (N, 3) in which most are next to near points."""
     low, high = points.min(axis=0), points.max(axis=0)
     cells = ((points - low) * (CELLS_ACROSS / max(float((high - low).max()), 1e-9))).astype(np.int64)
     return np.lexsort(cells.T)
@@ -90,7 +90,7 @@ def neighbours_first(points: Float) -> NDArray[np.int64]:
 
 @lru_cache(maxsize=64)
 def model_index(model: ObjectModel) -> NearestIndex:
-    """The index of a model's points, of which there must be one at least; built once for all callers."""
+    """The index of a model's points, at least one; built once for all callers."""
     return NearestIndex.build(model.points)
 
 
@@ -98,7 +98,7 @@ def model_index(model: ObjectModel) -> NearestIndex:
 def nearest_of_all(
     queries: np.ndarray, limit_squared: float, index: NearestIndex, nearest: np.ndarray, squared: np.ndarray
 ) -> None:
-    """Finds the nearest points of all queries in one call; a function that is called for each would take longer.
+    """Finds the nearest points of all queries in one call; one call per query would take longer.
 
     Args:
         queries: (M, 3).
@@ -147,7 +147,7 @@ def mean_distance(points: np.ndarray, T: np.ndarray, index: NearestIndex) -> flo
 def _beyond_the_cubes(
     x: float, y: float, z: float, limit_squared: float, points: np.ndarray, bounds: np.ndarray
 ) -> tuple[int, float]:
-    """The nearest point's index and squared distance by a look at all of them; (0, inf) beyond the limit."""
+    """The nearest point's index and squared distance, by comparing all points; (0, inf) beyond the limit."""
     best, best_squared = 0, np.inf
     if _to_box(x, y, z, bounds) > limit_squared:
         return best, best_squared
@@ -165,7 +165,7 @@ def _fill(points: np.ndarray, low: np.ndarray, side: float, counts: np.ndarray) 
     nx, ny, nz = counts[0], counts[1], counts[2]
     n_cells = nx * ny * nz
     length = np.zeros(n_cells, dtype=np.int64)
-    offset = np.zeros(n_cells, dtype=np.int64)  # in ``pool``, which is filled block by block
+    offset = np.zeros(n_cells, dtype=np.int64)  # Offsets into ``pool``, which is filled block by block
     pool = np.empty(8 * n_cells, dtype=np.int32)
     used = 0
     everything = np.arange(len(points))
@@ -187,7 +187,7 @@ def _fill(points: np.ndarray, low: np.ndarray, side: float, counts: np.ndarray) 
                             n = _unbeaten(points, of_cell, squared, n, side)
                             if used + n > len(pool):
                                 larger = np.empty(2 * (used + n), dtype=np.int32)
-                                for k in range(used):  # A slice compiles seconds longer, for words of an error.
+                                for k in range(used):  # A slice adds seconds of compilation, for an error message.
                                     larger[k] = pool[k]
                                 pool = larger
                             cell = (cx * ny + cy) * nz + cz
@@ -228,7 +228,9 @@ def _possible(
     out: np.ndarray,
     squared: np.ndarray,
 ) -> int:
-    """Fills ``out`` with those of ``chosen`` that the point nearest to a cube's centre does not beat; how many."""
+    """Fills ``out`` with the points of ``chosen`` that the one nearest to a cube's centre does not beat; returns their
+    number.
+    """
     first, least = chosen[0], np.inf
     for k in range(len(chosen)):
         i = chosen[k]
@@ -246,7 +248,7 @@ def _possible(
 
 @kernel()
 def _unbeaten(points: np.ndarray, own: np.ndarray, squared: np.ndarray, n: int, side: float) -> int:
-    """Sorts the first ``n`` of ``own`` by their distance and drops those that a nearer one beats; how many stay."""
+    """Sorts the first ``n`` of ``own`` by distance and drops points that a nearer one beats; returns how many stay."""
     for k in range(1, n):
         i, s = own[k], squared[k]
         m = k
@@ -268,9 +270,9 @@ def _unbeaten(points: np.ndarray, own: np.ndarray, squared: np.ndarray, n: int, 
 
 
 class Leaves(NamedTuple):
-    """The cloud halved again and again into leaves of a few points, for queries that may lie anywhere.
+    """The cloud, halved repeatedly into leaves of a few points, for queries that may lie anywhere.
 
-    A query looks only into leaves whose box is not too far to hold the nearest point.
+    A query searches only leaves whose box is near enough to hold the nearest point.
     """
 
     points: Float

@@ -1,6 +1,6 @@
 """Refiners by name. A new one is a class with ``refine`` (core.protocols.Refiner) and a line in ``REFINERS``.
 
-Each is imported when it is first asked for: names and hashes are wanted where nothing is refined.
+Each is imported when first asked for, as names and hashes are also needed where nothing is refined.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Identity:
-    """Returns the pose it was given: what a method does by physics and choice alone."""
+    """Returns the given pose, to show a method's effect by physics and choice alone."""
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         """The given pose (4, 4)."""

@@ -1,7 +1,7 @@
 """Trimmed ICP: the refiner of the paper's Extended APC experiments and of PHYSIM-MCTS. docs/methods.md 4.2.
 
-Every pass matches all observed points to the model, fits to the share of them that match best, and goes on while that
-lowers the energy. No gate: a start may be far. One call runs to convergence.
+Every pass matches all observed points to the model and fits to the best-matching share of them, until the energy no
+longer falls. No gate: a start may be far. One call runs to convergence.
 
 As in :mod:`verefine_viz.refiners.icp`, observed points are moved into the model's frame, where one index of nearest
 points per model serves all poses.
@@ -26,7 +26,7 @@ from verefine_viz.refiners.nearest import Leaves, NearestIndex, model_index, nea
 FEWEST_POINTS = 3
 """Fewer points do not define a pose."""
 NEAR_ONLY = -1.0
-"""A limit that every distance exceeds: beyond its cubes the index then gives up at once."""
+"""A limit that every distance exceeds: with it, the index gives up at once beyond its cubes."""
 
 
 @kernel()
@@ -40,7 +40,7 @@ def trimmed_loop(
         index: of the cloud that stays.
         leaves: of the same cloud.
         n_used: how many of the source points, the best matching ones, a fit uses; 3 to N.
-        energy_ratio: a pass that leaves more than this share of the energy before is the last.
+        energy_ratio: a pass that leaves more than this share of the previous energy is the last.
         max_passes: most passes.
     """
     n = len(source)
@@ -58,7 +58,7 @@ def trimmed_loop(
             if squared[i] == np.inf:
                 match[i], squared[i] = nearest_from_afar(moved[i, 0], moved[i, 1], moved[i, 2], leaves)
         energy = _use_best(squared, n_used, used)
-        # From where the points were at first, not from where the last pass left them: errors do not add up.
+        # From the points' first positions, not from those after the last pass: rounding does not add up.
         R, t = point_step(source, index.points, match, used)
         if not energy < energy_ratio * previous:
             return R, t, k + 1, energy
@@ -68,7 +68,7 @@ def trimmed_loop(
 
 @kernel()
 def _use_best(squared: np.ndarray, n_used: int, used: np.ndarray) -> float:
-    """Marks the ``n_used`` smallest, the first ones where several are as large as the last; their sum."""
+    """Marks the ``n_used`` smallest, the first ones where several equal the last; returns their sum."""
     n = len(squared)
     if n_used >= n:
         return squared.sum()
@@ -93,7 +93,7 @@ def _use_best(squared: np.ndarray, n_used: int, used: np.ndarray) -> float:
 def _in_order(values: np.ndarray, k: int) -> float:
     """The number at place ``k`` of the sorted ``values``, which are rearranged (Hoare 1961).
 
-    ``np.partition`` gives the number as well, and takes ten times as long to compile.
+    ``np.partition`` would give this number, too, but takes ten times as long to compile.
     """
     low, high = 0, len(values) - 1
     while low < high:
@@ -148,7 +148,7 @@ class TrimmedIcp:
             return T_cam_obj
         index = model_index(target.model)
         leaves = self._leaves.get(target.model)
-        if leaves is None:  # Of the index's points: both number them the same way.
+        if leaves is None:  # Of the index's points, so that both number them the same way.
             leaves = self._leaves[target.model] = Leaves.build(index.points)
         R, t, _, _ = trimmed_loop(source, index, leaves, n_used, self.settings.energy_ratio, self.settings.max_passes)
         # The observed points moved by G in the model's frame, so the model moves by its inverse: T · G⁻¹.

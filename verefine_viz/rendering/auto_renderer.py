@@ -1,6 +1,6 @@
 """Which renderer ``auto`` takes on a machine with a GPU: measured once, for few poses and for many apart.
 
-Which is faster is not known beforehand: a GPU has a fixed cost for each call, a processor 2 cores or 100.
+Which is faster cannot be known beforehand: a GPU has a fixed cost per call, a processor has 2 cores or 100.
 """
 
 from __future__ import annotations
@@ -35,29 +35,29 @@ from verefine_viz.rendering.gl_context import GlInfo
 from verefine_viz.rendering.gl_verifier import GlVerifier
 
 SIZES = (1, 100)
-"""Poses of the two batches that are timed."""
+"""Numbers of poses of the two batches that are timed."""
 
 LARGE = 10
-"""A batch of so many poses goes where 100 are faster, a smaller one where one is: ten times 1, a tenth of 100."""
+"""A batch of this many poses goes where 100 are faster, a smaller one where one is: ten times 1, a tenth of 100."""
 
 REPEATS = 5
 
 LARGEST_DIFFERENCE = 1e-3
-"""Between scores of the two renderers; an OpenGL that differs by more is not taken."""
+"""Largest difference between scores of the two renderers; an OpenGL that differs by more is not used."""
 
 DISTANCE_M = 0.5
 
 
 @dataclass(frozen=True)
 class RendererTimes:
-    """What was measured on a machine."""
+    """The times measured on a machine."""
 
     cpu_ms: tuple[float, float]
     """Time for a batch of each of ``SIZES`` [ms]."""
     gl_ms: tuple[float, float]
     """On OpenGL [ms]; infinite where it fails."""
     difference: float
-    """The largest between the scores of both."""
+    """Largest difference between the scores of both."""
 
     def takes_gl(self, n_poses: int) -> bool:
         """Whether a batch is scored on OpenGL: it depends on the batch's size alone."""
@@ -66,7 +66,7 @@ class RendererTimes:
 
     @property
     def in_words(self) -> str:
-        """What ``auto`` takes, and why."""
+        """A sentence on what ``auto`` takes, and why."""
         few, many = self.takes_gl(1), self.takes_gl(LARGE)
         names = {False: "the CPU", True: "OpenGL"}
         taken = names[few] if few == many else f"{names[few]} below {LARGE} poses at once, {names[many]} from there on"
@@ -85,7 +85,7 @@ def times_on(
 ) -> RendererTimes:
     """The times of a GPU and this processor, measured by the first process that asks and cached on disk.
 
-    Not by the number of threads: workers of a batch have fewer, and must choose alike.
+    The number of threads is no key: workers of a batch have fewer, and must choose alike.
 
     Args:
         gl: the GPU and its driver.
@@ -105,7 +105,7 @@ def times_on(
 
 
 def measured() -> RendererTimes:
-    """Scores a made-up object with both renderers, one pose and 100: some ten ms beside what is compiled."""
+    """Scores a made-up object with both renderers, one pose and 100: some ten ms, compilation aside."""
     target, settings = made_up_target(), ScoreSettings(simplify_mm=0)
     batches = [_poses(n) for n in SIZES]
     cpu, gl = CpuVerifier(settings), GlVerifier(settings)
@@ -134,7 +134,7 @@ def fastest(settings: ScoreSettings, times: RendererTimes, progress: ProgressTok
 
 
 class BySize:
-    """A verifier (core.protocols) out of two, of which each batch goes to the one that is faster for so many poses.
+    """A verifier (core.protocols) made of two: each batch goes to the one that is faster for its number of poses.
 
     Args:
         cpu: scores some batches.
@@ -184,7 +184,7 @@ class BySize:
 
 
 def made_up_target() -> Target:
-    """A ball of 2 000 triangles, 140 pixels across, in front of a wall: about what an object on a table is."""
+    """A ball of 2 000 triangles, 140 pixels across, in front of a wall: like an object on a table."""
     turns, heights = np.meshgrid(np.linspace(0, 2 * np.pi, 45)[:-1], np.linspace(0, np.pi, 25))
     vertices = 0.06 * np.stack(
         [np.sin(heights) * np.cos(turns), np.sin(heights) * np.sin(turns), np.cos(heights)], axis=-1

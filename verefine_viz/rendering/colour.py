@@ -1,7 +1,7 @@
 """The colour term of the score (docs/methods.md 1.10): how well a model's colours under a pose agree with the image.
 
 f_c is the normalised cross-correlation, zero mean, of rendered and observed colour over the explained pixels of a pose,
-all channels of an opponent space together: a gain or an offset of the image does not change it.
+all channels of an opponent space together: it does not depend on gain or offset of the image.
 
 A model's colours, of a texture or of its vertices, are averaged once in small cells of its box, so that every point of
 its surface has a colour whatever mesh is drawn.
@@ -26,22 +26,23 @@ from verefine_viz.core.problem import Instance, Target
 from verefine_viz.core.scores import PixelGrid
 
 OPPONENT = np.array([[1 / 6, 1 / 6, 1 / 6], [1.0, -1.0, 0.0], [0.5, 0.5, -1.0]])
-"""Lightness, red-green, blue-yellow of RGB in [0, 1]. Lightness counts half: light and shadow change it first."""
+"""Lightness, red-green, blue-yellow of RGB in [0, 1]. Lightness counts half: it suffers most from light and shadow."""
 
 CELL_M = 0.002
 """Side of the cells in which a model's colours are averaged [m]: two to three pixels of a sensor at arm's length."""
 
 MOST_CELLS = 300_000
-"""The cells of a large model are larger."""
+"""Most cells of a model; a large model has larger cells."""
 
 SIGMA_PX = 1.0
-"""The image is smoothed by a Gaussian of this width [px], to what the cells resolve."""
+"""Width of the Gaussian that smooths the image [px], to the resolution of the cells."""
 
 NOISE = 0.02
-"""Contrast, root mean square, that noise and rounding alone may have."""
+"""Contrast, as root mean square, that noise and rounding alone may cause."""
 
 LEAST_CONTRAST = 0.08
-"""A model, or an image of the object, with less contrast has no colour term: light and shadow in a texture reach it."""
+"""Least contrast of a model, and of an object's image, for a colour term: light and shadow in a texture reach as
+much."""
 
 N_COLOUR_SUMS = 10
 """Sums of each model: pixels, Σa (3), Σb (3), Σa², Σb², Σab; a rendered, b observed, products over the channels."""
@@ -65,7 +66,7 @@ def smoothed(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, eq=False)
 class ColourGrid:
-    """The colours of a model's surface; a cell without surface has those of the nearest one that has some."""
+    """The colours of a model's surface; a cell without surface has those of the nearest cell with surface."""
 
     cells: NDArray[np.float32]
     """(X, Y, Z, 3) in the opponent space."""
@@ -79,13 +80,13 @@ class ColourGrid:
 
 @lru_cache(maxsize=64)
 def colour_grid(model: ObjectModel) -> ColourGrid:
-    """The colours of a model that has some."""
+    """The colours of a model that has colours."""
     low, high = model.vertices.min(axis=0), model.vertices.max(axis=0)
     corners = model.vertices[model.faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     cell_m = max(CELL_M, float(np.prod(high - low + CELL_M) / MOST_CELLS) ** (1 / 3))
     shape = np.floor((high - low) / cell_m).astype(int) + 1
-    # The same points at each call; several in every cell.
+    # The same points at each call, several in each cell.
     rng, n = np.random.default_rng(0), int(np.clip(3 * area.sum() / cell_m**2, 20_000, 400_000))
     face = rng.choice(len(area), n, p=area / area.sum())
     r, s = np.sqrt(rng.random(n)), rng.random(n)
@@ -109,7 +110,7 @@ NO_COLOURS: Arrays = (
     np.zeros((0, 3), np.float32), np.zeros(1, np.int64), np.zeros((0, 3), np.int64), np.zeros((0, 3)), np.zeros(0),
     np.zeros((0, 0, 3), np.float32),
 )  # fmt: skip
-"""What the kernels take where there is no colour term."""
+"""Arguments of the kernels where there is no colour term."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +122,7 @@ class SceneColours:
     observed: NDArray[np.float32]
     """(H, W, 3) the smoothed image, in the opponent space."""
     shares: Float
-    """(m,) of each target in the score of all: its share of the pixels in their masks; 0 where the term is off."""
+    """(m,) weight of each target in the common score: its share of the pixels in all masks; 0 where the term is off."""
     weight: float
     """w of the score: ``score.colour_weight`` times the sum of ``shares``. It does not depend on the poses."""
     arrays: Arrays
@@ -141,7 +142,7 @@ class SceneColours:
             Ts: (m, 4, 4) T_cam_obj.
             at: the pixels.
             depth_m: (h, w) z of the models there, 0 = empty [m].
-            model_of: (h, w) which of the models is seen there.
+            model_of: (h, w) index of the model that is seen there.
             camera: (fx, fy, cx, cy) [px].
         """
         fx, fy, cx, cy = camera
@@ -159,7 +160,7 @@ class SceneColours:
 
 @kernel()
 def correlations(sums: np.ndarray) -> np.ndarray:
-    """f_c in [−1, 1] of each row (…, ``N_COLOUR_SUMS``); noise counts as contrast that is not correlated."""
+    """f_c in [−1, 1] of each row (…, ``N_COLOUR_SUMS``); noise counts as uncorrelated contrast."""
     out = np.zeros(sums.shape[:-1])
     for i in np.ndindex(out.shape):
         s = sums[i]
@@ -195,13 +196,14 @@ def local_correlation(
 
 
 CACHED_SCENES = 16
-"""How many choices of targets are cached for a frame."""
+"""How many combinations of targets are cached for a frame."""
 
 _Scene = tuple[tuple[tuple[Instance, ObjectModel], ...], SceneColours | None]
 
 
 class ColourStore:
-    """Smoothed images and the colours of targets, made when they are first asked for and cached as long as those live.
+    """Smoothed images and the colours of targets, made when first asked for and cached as long as frames and targets
+    live.
 
     Args:
         weight: ``score.colour_weight``.
@@ -221,7 +223,7 @@ class ColourStore:
         if key not in scenes:
             if len(scenes) >= CACHED_SCENES:
                 del scenes[next(iter(scenes))]
-            # Instances and models are held so that their ids stay theirs; not the frame, whose cache this is.
+            # Instances and models are kept alive so that their ids stay unique; not the frame, whose cache this is.
             scenes[key] = tuple((target.instance, target.model) for target in targets), self._make(targets)
         return scenes[key][1]
 

@@ -1,4 +1,4 @@
-"""The verification score on the CPU: for machines without a GPU, and as a witness of the other renderer."""
+"""The verification score on the CPU: for machines without a GPU, and to check the other renderer."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from verefine_viz.rendering.verifier import (
 )
 
 FACES_PER_THREAD = 2500
-"""A thread gets at least so many faces to draw: handing over takes as long as drawing a small mesh."""
+"""Fewest faces to draw in a thread: handing over takes as long as drawing a small mesh."""
 
 
 @cache
@@ -45,7 +45,7 @@ def _pool() -> ThreadPoolExecutor:
 
 @dataclass(frozen=True, eq=False)
 class _KernelScene:
-    """What the kernel takes of the targets, whatever their poses."""
+    """The kernel's arguments that do not depend on poses."""
 
     targets: tuple[Target, ...]
     whole_frame: bool
@@ -69,11 +69,13 @@ class CpuVerifier(RenderingVerifier):
         super().__init__(settings, cache_folder, progress)
         self._n_threads = config.NUMBA_NUM_THREADS  # pyright: ignore
         self._scene: _KernelScene | None = None
-        """Scene of the last call; it is mostly that of the next one as well."""
+        """Scene of the last call, usually needed by the next one, too."""
         self._placed_m = NOTHING_PLACED
 
     def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Callable[[], Scores] | None:
-        """Scores in another thread what :meth:`score` would, until the answer is called for; None if there is none."""
+        """Scores in another thread as :meth:`score` would; the returned function waits for the result; None without
+        another thread.
+        """
         if self._n_threads < 2:
             return None
         arguments, colours = self._arguments((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
@@ -98,8 +100,8 @@ class CpuVerifier(RenderingVerifier):
     def _arguments(
         self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool
     ) -> tuple[tuple[Any, ...], SceneColours | None]:
-        """What the kernel takes after its first two arguments, the last two being where it leaves its sums; and the
-        colours, if they count.
+        """The kernel's arguments after the first two, the last two of which receive its sums; and the colours, if they
+        count.
         """
         scene, settings = self._scene, self.settings
         if scene is None or scene.whole_frame != whole_frame or scene.targets != tuple(targets):
@@ -138,7 +140,7 @@ class CpuVerifier(RenderingVerifier):
         return with_colours(maps, colours, arguments[-1][0], Ts, at, meshes.model_of(faces), pinhole)
 
     def _placed_depth(self, targets: Sequence[Target], placed: Sequence[Placed]) -> NDArray[np.float32]:
-        """(H, W) z of the other objects [m]; drawn once as long as they stay where they are."""
+        """(H, W) z of the other objects [m]; drawn again only when they have moved."""
         others, key = self._others(targets, placed)
         if not others:
             return NOTHING_PLACED

@@ -1,7 +1,7 @@
 """How many pixels a scene leaves unexplained: the cost of PHYSIM-MCTS. docs/methods.md 3.1, 3.3.
 
-The observed picture is the depth with the table removed: what is less than ``TABLE_M`` above the support plane, or
-below it, is no object. What else stands on the plane stays, also what is not to be solved: it costs every scene the
+The observed picture is the depth with the table removed: points less than ``TABLE_M`` above the support plane, or below
+it, are no objects. Everything else on the plane stays, even things that are not to be solved: they cost every scene the
 same. Without a support plane, only what the masks of the frame's objects cover counts as observed.
 """
 
@@ -28,7 +28,7 @@ TABLE_M = 0.005
 
 
 class ExplainedPixels:
-    """Draws scenes on the CPU and compares them with what was observed of objects."""
+    """Draws scenes on the CPU and compares them with the observed objects."""
 
     def __init__(
         self,
@@ -43,7 +43,7 @@ class ExplainedPixels:
             explained_m: a pixel whose observed and drawn depth differ by more than this is unexplained [m].
             score: how meshes are simplified and where pixel centres lie.
             cache_folder: folder of simplified meshes; by default in the user's cache folder.
-            progress: asked where one has to be made.
+            progress: checked where one has to be made.
         """
         self._explained_m = explained_m
         self._settings = score
@@ -51,17 +51,17 @@ class ExplainedPixels:
         self._observed: WeakKeyDictionary[Observation, NDArray[np.float32]] = WeakKeyDictionary()
 
     def unexplained_px(self, observation: Observation, scene: Sequence[Placed]) -> int:
-        """Pixels in which the drawn scene and what was observed of objects differ; one of both missing counts too."""
+        """Number of pixels in which the drawn scene and the observed objects differ, or only one of them exists."""
         return int(_count(self.observed_m(observation), self._inv_z(observation, scene), self._explained_m))
 
     def unexplained(self, observation: Observation, scene: Sequence[Placed]) -> NDArray[np.bool_]:
-        """Which pixels (H, W) those are, for the screen."""
+        """Mask (H, W) of these pixels, for display."""
         observed, rendered = self.observed_m(observation), self.depth_m(observation, scene)
         difference_m = np.abs(observed.astype(np.float64) - rendered)
         return ((observed > 0) | (rendered > 0)) & (difference_m > self._explained_m)
 
     def depth_m(self, observation: Observation, scene: Sequence[Placed]) -> NDArray[np.float32]:
-        """The scene drawn into one depth image (H, W) [m]; 0 where nothing is."""
+        """The scene drawn into one depth image (H, W) [m]; 0 where it is empty."""
         inv_z = self._inv_z(observation, scene)
         return np.divide(1.0, inv_z, out=np.zeros_like(inv_z), where=inv_z > 0)
 
@@ -83,7 +83,7 @@ class ExplainedPixels:
 
 
 def without_table(observation: Observation) -> NDArray[np.float32]:
-    """The depth image (H, W) of what stands on the support plane [m]; 0 elsewhere."""
+    """The depth image (H, W) of the things on the support plane [m]; 0 elsewhere."""
     depth_m = np.where(np.isfinite(observation.depth_m) & (observation.depth_m > 0), observation.depth_m, 0)
     support = observation.support
     if support is None:

@@ -1,4 +1,4 @@
-"""OpenGL without a window: one context per verifier, and what it runs on."""
+"""OpenGL without a window: one context per verifier, and the device that it runs on."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class GlInfo:
     vendor: str
     version: str
     is_software: bool
-    """Runs on the CPU, where the numba rasteriser is faster."""
+    """Whether it runs on the CPU, where the numba rasteriser is faster."""
 
 
 def create_context() -> moderngl.Context:
@@ -53,7 +53,7 @@ def create_context() -> moderngl.Context:
 
 
 def info_of(context: moderngl.Context) -> GlInfo:
-    """What a context runs on."""
+    """The device that a context runs on."""
     renderer = str(context.info["GL_RENDERER"])
     return GlInfo(
         renderer=renderer,
@@ -65,7 +65,7 @@ def info_of(context: moderngl.Context) -> GlInfo:
 
 @cache
 def probe() -> GlInfo | UnavailableError:
-    """What OpenGL this machine has, or why it has none; never raises. Looked up once."""
+    """This machine's OpenGL, or why it has none; never raises. Looked up once."""
     answers: list[GlInfo | UnavailableError] = []
 
     # A thread of its own, so that the caller's current context, if any, stays current.

@@ -1,4 +1,6 @@
-"""The verification score on the GPU: all poses of a batch drawn and summed there at once, a few numbers read back."""
+"""The verification score on the GPU: all poses of a batch are drawn and summed there at once, and a few numbers read
+back.
+"""
 
 from __future__ import annotations
 
@@ -32,9 +34,9 @@ from verefine_viz.rendering.verifier import (
 
 
 class GlVerifier(RenderingVerifier):
-    """Scores poses with OpenGL 4.3; belongs to the thread that uses it first, where its context is made.
+    """Scores poses with OpenGL 4.3; belongs to the thread that uses it first, which makes its context.
 
-    Every call raises an UnavailableError where there is no OpenGL 4.3, or when another thread than before makes it.
+    Every call raises an UnavailableError where there is no OpenGL 4.3, or when it comes from another thread.
     """
 
     name = "gl"
@@ -47,7 +49,7 @@ class GlVerifier(RenderingVerifier):
         self._owner: threading.Thread | None = None
 
     def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> None:
-        """Nothing: the context belongs to one thread, which draws when it is asked to."""
+        """None: the context belongs to one thread, which draws only when called."""
 
     def _score(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> Scores:
         passes, settings = self._gl(), self.settings
@@ -97,7 +99,7 @@ class GlVerifier(RenderingVerifier):
         return with_colours(maps, colours, sums, Ts, at, meshes.model_of(face_of[seen]), camera)
 
     def close(self) -> None:
-        """Gives the context back; the next call makes a new one."""
+        """Releases the context; the next call makes a new one."""
         if self._passes is not None:
             self._gl().context.release()
         self._passes = self._owner = self._placed_key = None
@@ -117,7 +119,7 @@ class GlVerifier(RenderingVerifier):
         return self._passes
 
     def _draw_placed(self, passes: GlPasses, targets: Sequence[Target], placed: Sequence[Placed]) -> bool:
-        """Draws the other objects, once as long as they stay where they are; False where there are none."""
+        """Draws the other objects, again only when they have moved; returns False where there are none."""
         others, key = self._others(targets, placed)
         if not others:
             return False

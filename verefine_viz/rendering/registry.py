@@ -1,4 +1,4 @@
-"""Verifiers by name: Eq. 1, and those of other programs, which score poses and nothing else."""
+"""Verifiers by name: Eq. 1, and those of other programs, which only score poses."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def make_verifier(
     Args:
         settings: of the score.
         progress: asked where the mesh of a model has to be made.
-        own: parts of the caller, which come before others of their names.
+        own: parts of the caller, preferred to others of the same name.
 
     Raises:
         SettingsError: no verifier has that name; lists those that exist.
@@ -64,7 +64,8 @@ def make_verifier(
 
 
 class ScoringVerifier:
-    """A verifier (core.protocols) out of what scores poses one by one: without parts of the score and without maps.
+    """Wraps a part that scores poses one by one as a verifier (core.protocols): without parts of the score and without
+    maps.
 
     Args:
         settings: with the scorer's name.
@@ -80,18 +81,18 @@ class ScoringVerifier:
         """Scores of N poses (N, 4, 4).
 
         Raises:
-            ShapeError: another shape, or the scorer returns another number of scores.
+            ShapeError: the poses have the wrong shape, or the scorer returns the wrong number of scores.
         """
         Ts = as_poses(Ts_cam_obj)
         return self._as_scores(self._scores(target, Ts, placed), _points_in_image(target, Ts))
 
     def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> None:
-        """None: whether the scorer can work beside the caller is not known."""
+        """None: it is unknown whether the scorer can run in parallel to the caller."""
 
     def maps(
         self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
     ) -> None:
-        """None: it gives a number for the whole pose."""
+        """None: the scorer gives one number for the whole pose."""
 
     def score_scene(
         self, targets: Sequence[Target], Ts_cam_obj: Float, placed: Sequence[Placed] = (), whole_frame: bool = False
@@ -137,7 +138,7 @@ class ScoringVerifier:
 
 
 def _points_in_image(target: Target, Ts: Float) -> np.ndarray:
-    """(N,) how many of the model's points each pose puts into the image: 0 is a pose that is not seen."""
+    """(N,) number of the model's points that each pose puts into the image; 0 for an unseen pose."""
     camera = target.observation.camera
     seen = np.zeros(len(Ts), np.int64)
     for n, T in enumerate(Ts):

@@ -23,7 +23,7 @@ CREASE_COSINE = np.cos(np.deg2rad(40.0))
 """Neighbouring faces that meet at more than this angle are shaded separately: edges stay edges."""
 
 AMBIENT = 0.25
-"""Share of light that comes from everywhere; the rest comes from the camera."""
+"""Share of ambient light; the rest comes from the camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Rendering:
 
 
 def render_scene(placed: Sequence[Placed], camera: Camera) -> Rendering:
-    """Renders models at their poses into one image, every triangle of them, on the CPU."""
+    """Renders models at their poses, with all triangles, into one image on the CPU."""
     inv_z = np.zeros(camera.shape, np.float32)
     labels = np.full(camera.shape, -1, np.int32)
     normals = np.zeros((*camera.shape, 3), np.float32)
@@ -89,7 +89,7 @@ def _shade(item: Placed, mesh: RenderMesh, face: NDArray, points_cam: Float, fla
 
 
 def _barycentric(points: Float, corners: Float) -> Float:
-    """Weights (N, 3), not negative and summing to 1, of points (N, 3) in triangles (N, 3, 3)."""
+    """Barycentric weights (N, 3), not negative and summing to 1, of points (N, 3) in triangles (N, 3, 3)."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     normal = np.cross(b - a, c - a)
     area = np.einsum("ij,ij->i", normal, normal)
@@ -100,7 +100,9 @@ def _barycentric(points: Float, corners: Float) -> Float:
 
 
 def _corner_normals(mesh: RenderMesh) -> Float:
-    """(F, 3, 3) unit normals at each face's corners: the mean over the faces around the corner that go on smoothly."""
+    """(F, 3, 3) unit normals at each face's corners: the mean over the faces around the corner that continue it
+    smoothly.
+    """
     _, same = np.unique(mesh.vertices, axis=0, return_inverse=True)
     point_of = same.reshape(-1)[mesh.faces].ravel()
     n = len(point_of)

@@ -26,13 +26,14 @@ if TYPE_CHECKING:
 Faces = NDArray[np.int32]
 
 MOST_FACES = 30_000
-"""Parts with more count as open: whether they cut themselves takes a look at all pairs, some seconds for so many."""
+"""Parts with more faces count as open: a test for self-intersection compares all pairs, which takes seconds for so
+many."""
 
 ALGORITHM = 3
-"""Part of the cached file's name; raised when the same input would give another mesh."""
+"""Part of the cached file's name; raise it when the same input would give another mesh."""
 
 SMALL_PART_FACES = 64
-"""Unconnected parts smaller than this stay as they are: the simplifier would let them vanish."""
+"""Unconnected parts smaller than this are not simplified: they would vanish."""
 
 N_SAMPLES = 30_000
 """Random surface points, beside all vertices, at which the deviation is measured."""
@@ -46,7 +47,7 @@ def cache_folder() -> Path:
 def scoring_mesh(
     model: ObjectModel, simplify_mm: float, folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
 ) -> RenderMesh:
-    """The mesh to score ``model`` with.
+    """The mesh with which ``model`` is scored.
 
     Args:
         model: its mesh is never changed.
@@ -55,7 +56,7 @@ def scoring_mesh(
         progress: asked where the mesh has to be made, before each try to make it with fewer triangles.
 
     Raises:
-        Cancelled: through ``progress``; nothing is cached.
+        Cancelled: through ``progress``; nothing is cached then.
     """
     if simplify_mm == 0:
         return render_mesh(model.vertices, model.faces)
@@ -152,9 +153,9 @@ def _joined(vertices_a: Float, faces_a: Faces, vertices_b: Float, faces_b: Faces
 
 
 def closed_faces(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """(F,) whether each of the faces (F, 3) is part of a closed surface, whose back is never seen from outside.
+    """(F,) whether each of the faces (F, 3) belongs to a closed surface, whose back is never seen from outside.
 
-    A part (faces that hang together by vertices) without border that does not cut itself, and whose faces look outward,
+    A part (faces connected by vertices) without border that does not cut itself, and whose faces look outward,
     bounds a solid: seen from outside, a face turned toward the viewer comes first, so that those turned away need not
     be drawn. Vertices at the same place must be one vertex.
     """
@@ -170,7 +171,7 @@ def closed_faces(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.bool_]
 
 
 def _parts(n_vertices: int, faces: NDArray[np.int32]) -> NDArray[np.intp]:
-    """(F,) the number, from 0, of the part that each face belongs to: faces of a part hang together by vertices."""
+    """(F,) the number, from 0, of the part that each face belongs to: the faces of a part are connected by vertices."""
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     edges = coo_array((np.ones(len(start)), (start, end)), shape=(n_vertices, n_vertices))
     return np.unique(connected_components(edges, directed=False)[1][faces[:, 0]], return_inverse=True)[1]

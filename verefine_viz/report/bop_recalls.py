@@ -38,12 +38,14 @@ Place = tuple[Path, str, int]
 
 @dataclass(frozen=True, eq=False)
 class BopRecalls:
-    """Average recall of each object model in each frame of several runs, or why there is none."""
+    """Average recall of each object model in each frame of several runs, or the reason why there is none."""
 
     by_place: dict[Place, tuple[int, float]] = field(default_factory=dict)
-    """Instances asked for, AR over them. An AR over more is their mean, weighted by instances."""
+    """Number of instances asked for, and the AR over them. An AR over several of these is their mean, weighted by
+    instances."""
     note: str = ""
-    """What was asked for; or, without recalls, what is missing for them; empty where no ground truth is known."""
+    """A note on what was asked for or, without recalls, on what is missing for them; empty where no ground truth is
+    known."""
 
 
 def bop_recalls(
@@ -51,8 +53,8 @@ def bop_recalls(
 ) -> BopRecalls:
     """The recalls of runs on the same data; images are read, and ground truth is drawn, once for all of them.
 
-    Asked for are the targets file's entries, else what is visible, in the frames and of the objects of the first run.
-    Runs whose data cannot be read, or without ground truth, have none; that is no error.
+    The entries of the targets file are asked for, else the visible instances, in the frames and of the objects of the
+    first run. Runs without ground truth, or whose data cannot be read, have no recalls; that is no error.
     """
     if not any(row.can_be_right for run in runs for row in run.rows):
         return BopRecalls()
@@ -63,7 +65,7 @@ def bop_recalls(
     by_place: dict[Place, tuple[int, float]] = {}
     try:
         ground_truth, targets = _asked(runs[0], tuple(having))
-        # Threads share the models: they are read before.
+        # Threads share the models, so these are read first.
         for obj_id in sorted({i for counts in targets.counts.values() for i in counts}):
             ground_truth.model(obj_id)
 
@@ -89,7 +91,7 @@ def bop_recalls(
 
 
 def _asked(run: BatchIndex, frames: Sequence[str]) -> tuple[GtSource, Targets]:
-    """The ground truth of a run's data, and what is asked for in each of ``frames``: nothing, where nothing is visible.
+    """The ground truth of a run's data, and what is asked for in each of ``frames``: empty, where nothing is visible.
 
     Raises:
         VerefineError: the data cannot be read.
@@ -121,7 +123,7 @@ def _asked(run: BatchIndex, frames: Sequence[str]) -> tuple[GtSource, Targets]:
 
 
 def run_rows(run: BatchIndex, frames: Sequence[str]) -> Iterator[ResultRow]:
-    """The answers of a run in ``frames``, as results.csv has them.
+    """The answers of a run in ``frames``, as in results.csv.
 
     Raises:
         InputError: the run file of a frame is gone or damaged.

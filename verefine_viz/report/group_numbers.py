@@ -1,4 +1,4 @@
-"""The numbers of groups on the same data, side by side: all from the table of answers and the BOP scores."""
+"""The numbers of groups on the same data, for comparison; all come from the table of answers and the BOP scores."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from verefine_viz.report.bop_recalls import BopRecalls
 
 FEWEST_SCENES = 8
-"""With at least so many scenes whole scenes are drawn, whose frames look alike; otherwise frames."""
+"""From this many scenes on, the bootstrap draws whole scenes, whose frames look alike; otherwise frames."""
 THRESHOLDS = np.linspace(0.0, 0.5, 101)
 """Thresholds of the recall curve: ADD(-S) as a share of the diameter."""
 MOST_HARD = 40
-"""Objects that are listed as hard."""
+"""Most objects that are listed as hard."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def _solved(name: str) -> Callable[[Answer], float | None]:
 
 
 def _right_seen(row: Answer) -> float | None:
-    """Whether an answer is right as far as the image shows; one that is missing is not."""
+    """Whether an answer is right as far as the image shows; a missing one is not."""
     if not row.can_be_right or (row.status == "ok" and row.right_seen is None):
         return None
     return float(row.right_seen is True)
@@ -81,10 +81,10 @@ COLUMNS = (
 
 
 class Axes:
-    """What the objects of all groups are summed over: frames, or whole scenes, and object models."""
+    """The cells over which the objects of all groups are summed: frames, or whole scenes, and object models."""
 
     def __init__(self, groups: Sequence[Group], asked: Iterable[int] = ()) -> None:
-        """``asked``: object models that BOP scores are about, also where no answer is."""
+        """``asked``: object models with BOP scores, even without an answer."""
         rows = [row for group in groups for row in group.rows]
         self.by_scene = len({row.scene_id for row in rows}) >= FEWEST_SCENES
         self._units = {unit: k for k, unit in enumerate(dict.fromkeys(self._unit(row.frame) for row in rows))}
@@ -96,15 +96,15 @@ class Axes:
         return len(self._units), len(self.models)
 
     def unit(self, frame: str) -> int:
-        """Where a frame is in cells."""
+        """Index of a frame in the cells."""
         return self._units[self._unit(frame)]
 
     def place(self, row: Answer) -> tuple[int, int]:
-        """Where an object is in cells."""
+        """Index of an object in the cells."""
         return self.unit(row.frame), self.models[row.obj_id or 0]
 
     def cells(self, rows: Iterable[Answer], value: Callable[[Answer], float | None]) -> CellSums:
-        """Sums of what is known of some objects."""
+        """Sums of a number over the objects for which it is known."""
         total, n = np.zeros(self.shape), np.zeros(self.shape)
         for row in rows:
             known = value(row)
@@ -123,9 +123,9 @@ class GroupLine:
 
     group: Group
     numbers: dict[str, Spread]
-    """By :data:`COLUMNS`, as far as they are known."""
+    """Values by :data:`COLUMNS`, as far as they are known."""
     behind: Spread | None
-    """Recall less that of the best group, over the objects of both; None of the best itself."""
+    """Difference of recall to the best group's, over the objects of both; None for the best itself."""
     curve: tuple[Float, tuple[Float, Float] | None] | None
     """Recall over :data:`THRESHOLDS`, and its 95 % interval."""
     recall: CellSums
@@ -152,7 +152,7 @@ class GroupComparison:
 
 
 def compare(section: Section, bop: BopRecalls) -> GroupComparison:
-    """The groups of a section, each as a whole, and all against the best one."""
+    """The groups of a section, each as a whole and against the best one."""
     axes = Axes(section.groups, (obj_id for _, _, obj_id in bop.by_place))
     drawn = draws(*axes.shape)
     recalls = [axes.cells(group.objects, COLUMNS[0].value) for group in section.groups]
@@ -173,7 +173,7 @@ def _line(group: Group, axes: Axes, drawn: Draws, recall: CellSums, best: CellSu
     values, units, models = np.array(errors).reshape(-1, 3).T
     frame_ms = _frame_ms(group, axes)
     numbers = {column.id: drawn.mean(axes.cells(objects, column.value)) for column in COLUMNS}
-    if all(row.right_seen is None for row in objects):  # A table of an earlier version.
+    if all(row.right_seen is None for row in objects):  # A table of an earlier version lacks the column.
         numbers["recall_seen"] = None
     numbers["ar"] = drawn.mean(ar)
     numbers["median_mm"] = drawn.median(values, units.astype(int), models.astype(int))
@@ -196,7 +196,7 @@ def _ar(group: Group, axes: Axes, bop: BopRecalls) -> CellSums:
 
 
 def _frame_ms(group: Group, axes: Axes) -> Float:
-    """(N, 2) computing time of the iterations of each frame of each run [ms], and where the frame is in cells."""
+    """(N, 2) computing time of the iterations of each frame of each run [ms], and the frame's index in the cells."""
     times: dict[tuple[int, str], tuple[float, int]] = {}
     for k, run in enumerate(group.runs):
         for row in run.rows:
@@ -207,19 +207,19 @@ def _frame_ms(group: Group, axes: Axes) -> Float:
 
 
 def _hits(rows: Sequence[Answer], axes: Axes) -> Float:
-    """(U, M, T) objects below each of the thresholds; without an answer an object is below none."""
+    """(U, M, T) numbers of objects below each threshold; an object without an answer is below none."""
     hits = np.zeros((*axes.shape, len(THRESHOLDS)))
     for row in rows:
         if row.relative_error is not None:
-            # An error counts from the first threshold above it on.
+            # An error counts at all thresholds above it.
             hits[axes.place(row)][np.searchsorted(THRESHOLDS, row.relative_error, side="right") :] += 1
     return hits
 
 
 def stage_times(group: Group) -> dict[str, float]:
-    """Milliseconds a frame by stage, in the order of a frame's life, the mean of the runs; empty = unknown.
+    """Milliseconds per frame and stage, in the order of processing, the mean of the runs; empty = unknown.
 
-    The iterations are split up into the parts that the rows have: refining, simulating, scoring.
+    Iterations are split into the parts that the rows hold: refining, simulating, scoring.
     """
     times = list[dict[str, float]]()
     for run in group.runs:
@@ -238,12 +238,12 @@ def stage_times(group: Group) -> dict[str, float]:
 
 
 def cause_counts(group: Group) -> Counter[str]:
-    """Failures by cause, "" of those that are not explained; of none where there is no ground truth."""
+    """Failures by cause, "" for unexplained ones; none without ground truth."""
     return Counter(cause_title(row.cause) for row in group.failures) if group.with_truth else Counter()
 
 
 def object_numbers(comparison: GroupComparison) -> list[ObjectNumbers]:
-    """Each object model: its numbers in each group, None where a group does not have it."""
+    """The numbers of each object model in each group, None where a group does not have it."""
     rows = list[ObjectNumbers]()
     for obj_id, place in comparison.axes.models.items():
         cells = [_object_cell(line, obj_id, place) for line in comparison.lines]
@@ -278,7 +278,7 @@ def _object_cell(line: GroupLine, obj_id: int, place: int) -> ObjectCell | None:
 
 
 def hardest(section: Section, keys: Mapping[int, int]) -> list[HardObject]:
-    """Objects of a frame that most groups get wrong with most seeds, the hardest first.
+    """Objects in frames that most groups get wrong with most seeds, the hardest first.
 
     Args:
         section: the groups.

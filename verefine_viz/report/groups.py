@@ -1,4 +1,6 @@
-"""What a report is about: runs by data, and in groups that differ only in their seeds, named by what differs."""
+"""The subject of a report: runs by data, in groups of runs that differ only in their seeds, named by what differs
+between groups.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ SEEDS = ("hypotheses.seed", "method.seed")
 WITHOUT_EFFECT = ("title", "recording", "breakpoints")
 """Settings that change no result."""
 FIRST = ("method.name", "preset")
-"""Settings that name a group before any other."""
+"""Settings that are preferred for naming a group."""
 MOST_FRAMES_NAMED = 3
 
 
@@ -53,7 +55,7 @@ class Group:
 
     @cached_property
     def objects(self) -> tuple[Answer, ...]:
-        """Also those that were left out or are in failed frames: they are missed."""
+        """All objects, also those left out or in failed frames: they count as missed."""
         return tuple(row for row in self.rows if row.is_object)
 
     @cached_property
@@ -65,7 +67,7 @@ class Group:
     def failures(self) -> tuple[Answer, ...]:
         """Objects whose answer is wrong or missing, worst first; without any ground truth all objects, by score.
 
-        Only those that were asked for: what is left out or in a failed frame is no failure of the method.
+        Only objects that were asked for: one left out or in a failed frame is no failure of the method.
         """
         worst_first = [row for row in sorted(self.rows, key=sort_key("error")) if row.was_asked_for]
         if not self.with_truth:
@@ -78,9 +80,9 @@ class Section:
     """Groups of runs on the same data: they can be compared."""
 
     data: str
-    """Which, in words."""
+    """Name of the data."""
     groups: tuple[Group, ...]
-    """By name; of two runs that the user named, in that order."""
+    """By name; two runs that the user named are in the user's order."""
 
     @property
     def runs(self) -> tuple[BatchIndex, ...]:
@@ -97,17 +99,17 @@ class Section:
 
     @property
     def pair(self) -> tuple[Group, Group] | None:
-        """Two runs that can be compared object by object; None of one run, or of more."""
+        """Two runs that can be compared object by object; None for one run, or for more."""
         return (self.groups[0], self.groups[1]) if len(self.groups) == len(self.runs) == 2 else None
 
 
 def key(row: Answer) -> Key:
-    """What makes two rows be about the same object."""
+    """Key that two rows about the same object share."""
     return row.frame, row.instance_id, row.obj_id
 
 
 def keys_of(run: BatchIndex) -> set[Key]:
-    """What a run is about."""
+    """The data and objects of a run."""
     return {key(row) for row in run.rows}
 
 
@@ -140,11 +142,11 @@ def read_runs(folders: Sequence[Path], only_finished: bool) -> tuple[list[BatchI
 
 
 def sections_of(runs: Sequence[BatchIndex], as_named: bool = False) -> tuple[Section, ...]:
-    """Runs by data: together are those on the same data set that have an object of a frame in common.
+    """Runs by data: runs belong together if they are on the same data set and share an object of a frame.
 
     Args:
         runs: at least one.
-        as_named: two runs that the user named: A and B, also where they differ in nothing but their seeds.
+        as_named: two runs that the user named, A and B, even if only their seeds differ.
     """
     by_data: list[tuple[str, set[Key], list[BatchIndex]]] = []
     for run in runs:
@@ -166,7 +168,7 @@ def sections_of(runs: Sequence[BatchIndex], as_named: bool = False) -> tuple[Sec
 
 
 def data_set(run: BatchIndex) -> str:
-    """Which data a run is about, in words."""
+    """Name of the data of a run."""
     scene = run.session.scene
     if scene.source == "demo":
         return f"the built-in scene {scene.demo}"
@@ -175,14 +177,14 @@ def data_set(run: BatchIndex) -> str:
 
 
 def seeds_of(run: BatchIndex) -> Seeds:
-    """How the runs of a group differ."""
+    """Names of a group's runs, by what differs among them."""
     return run.session.hypotheses.seed, run.session.method.seed
 
 
 def names(sessions: Sequence[Session]) -> list[str]:
-    """Short names by what differs among sessions, the method first; all different but for seeds.
+    """Short names by what differs among sessions, the method first; unique but for seeds.
 
-    A setting is named only where those before it are the same for two of them.
+    A setting is named only where the names so far are equal.
     """
     flat = [_settings(session) for session in sessions]
     parts: list[tuple[str, ...]] = [()] * len(flat)
@@ -198,7 +200,7 @@ def names(sessions: Sequence[Session]) -> list[str]:
 
 
 def differing(sessions: Sequence[Session]) -> dict[str, list[str]]:
-    """Settings in which sessions differ, and what each has."""
+    """Settings in which sessions differ, with the value of each."""
     flat = [_settings(session) for session in sessions]
     return {field: [_words(mine[field]) for mine in flat] for field in _differing(flat)}
 
@@ -223,7 +225,7 @@ def _grouped(runs: Sequence[BatchIndex]) -> tuple[Group, ...]:
 
 
 def _settings(session: Session) -> dict[str, Any]:
-    """What makes a group: every setting that can change a result, but for the seeds."""
+    """Key of a group: every setting that can change a result, except the seeds."""
     out: dict[str, Any] = {}
     for name, value in msgspec.to_builtins(session).items():
         if name not in WITHOUT_EFFECT:

@@ -1,4 +1,4 @@
-"""Two runs, object by object: which got better, which got worse."""
+"""Two runs compared object by object: which answers got better, which got worse."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from verefine_viz.run.record import Answer
 SAME = 0.005
 """Errors that differ by less than this share of the diameter count as the same."""
 MOST_ROWS = 1000
-"""Objects and frames that are listed, those that changed most; more are in frames.csv."""
+"""Most objects and frames that are listed, by size of the change; all are in frames.csv."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class PairChange:
 
     @property
     def by(self) -> float:
-        """Error of B less that of A, as a share of the diameter: negative where B is better."""
+        """Error of B minus that of A, as a share of the diameter: negative where B is better."""
         a, b = self.errors
         if math.isinf(a) or math.isinf(b):
             return 0.0 if a == b else math.copysign(math.inf, b - a)
@@ -42,7 +42,7 @@ class PairChange:
 
     @property
     def turned(self) -> Literal["", "right", "wrong"]:
-        """Whether it became right or wrong; "" where it stayed what it was."""
+        """Whether it became right or wrong; "" where it did neither."""
         before, after = self.a.is_correct is True, self.b.is_correct is True
         return "" if before == after else ("right" if after else "wrong")
 
@@ -53,7 +53,7 @@ def error_or_infinite(row: Answer) -> float:
 
 
 def changes_of(a: Group, b: Group) -> list[PairChange]:
-    """The objects with ground truth that both groups are about, the most improved first."""
+    """The objects with ground truth in both groups, the most improved first."""
     of_b = {key(row): row for row in b.objects}
     with_truth = {key(row) for row in (*a.with_truth, *b.with_truth)}
     both = [PairChange(row, of_b[key(row)]) for row in a.objects if key(row) in of_b and key(row) in with_truth]
@@ -61,7 +61,7 @@ def changes_of(a: Group, b: Group) -> list[PairChange]:
 
 
 def difference(a: Group, b: Group, keys: Mapping[int, int]) -> PairDifference:
-    """What changed from A to B.
+    """The changes from A to B.
 
     Args:
         a: one run.
@@ -96,8 +96,8 @@ def difference(a: Group, b: Group, keys: Mapping[int, int]) -> PairDifference:
 
 
 def apart(a: Group, b: Group, keys: Mapping[int, int]) -> list[ApartAnswers]:
-    """Objects that both runs have an answer for, those whose answers are the furthest apart first: all that is known of
-    a difference without ground truth.
+    """Objects with an answer in both runs, those whose answers are farthest apart first: all that is known of a
+    difference without ground truth.
 
     Args:
         a: one run.
@@ -143,7 +143,7 @@ def _is_missed(row: Answer) -> bool:
 
 
 def _frames(changes: Sequence[PairChange]) -> list[FrameChange]:
-    """Both runs frame by frame, the most improved first; errors are means over objects that both have an answer for."""
+    """Both runs frame by frame, the most improved first; errors are means over objects with an answer in both."""
     by_frame: dict[str, list[PairChange]] = {}
     for change in changes:
         by_frame.setdefault(change.a.frame, []).append(change)

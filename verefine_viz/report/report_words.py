@@ -1,4 +1,4 @@
-"""What a report says in words: its title, which group is best, and what to do next about wrong answers."""
+"""The sentences of a report: its title, which group is best, and what to do next about wrong answers."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from verefine_viz.report.groups import Group, Section, seeds_of
 from verefine_viz.run.record import Answer
 
 MOST_LETTERS = 48
-"""Letters of the names of groups that a sentence names; more are counted."""
+"""Most letters of the group names in a sentence; further groups are counted."""
 FEW = 5
-"""Wrong answers below this number say little about other frames."""
+"""Fewer wrong answers than this say little about other frames."""
 _FIRST_ONLY = "each came right from another hypothesis than the first, the only one that this method looks at"
 OWN_ADVICE = {
     **{
@@ -33,20 +33,20 @@ OWN_ADVICE = {
         Cause.BUDGET: "try more expansions (mcts.expansions)",
     },
 }
-"""What to try, for methods to which other settings matter."""
+"""Advice for methods to which other settings matter."""
 
 
 @dataclass(frozen=True)
 class NextStep:
-    """A sentence that ends with the answer to begin with."""
+    """A recommendation: a sentence that ends with the answer to begin with."""
 
     text: str
-    """Up to that answer."""
+    """The sentence up to that answer."""
     begin: Answer
 
 
 def title(sections: Sequence[Section]) -> str:
-    """What the report is about, whatever the sessions are called."""
+    """The report's title, whatever the sessions are called."""
     if len(sections) > 1:
         n_runs = sum(len(section.runs) for section in sections)
         return f"{n_runs} runs on {len(sections)} sets of data"
@@ -62,7 +62,7 @@ def title(sections: Sequence[Section]) -> str:
 
 
 def headline(comparison: GroupComparison) -> str:
-    """What came out: how many objects are right, or which group is best, and by how much."""
+    """The result: how many objects are right, or which group is best, and by how much."""
     best, lines = comparison.best, comparison.lines
     if len(lines) == 1:
         return f"{outcome_words(best.group.rows, len(best.group.runs))}."
@@ -125,7 +125,7 @@ def next_step(group: Group) -> NextStep | None:
 
 
 def advice(cause: str, method: str) -> str:
-    """What to try against a cause; of one that this version does not know, where to look."""
+    """What to try against a cause; for one that this version does not know, where to look."""
     if cause not in set(Cause):
         return "look at the cards below"
     return OWN_ADVICE.get(method, {}).get(Cause(cause), advice_on(cause))
@@ -185,7 +185,7 @@ def _shown(counts: Sequence[tuple[str, int]]) -> str:
 
 
 def _shared_facts(rows: Sequence[Answer]) -> str:
-    """What all of several answers share, if anything."""
+    """What several answers have in common, if anything."""
     if len(rows) < 2:
         return ""
     names, frames = {row.name for row in rows}, {row.frame for row in rows}

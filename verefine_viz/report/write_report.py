@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 FILE_NAME = "report.html"
 MOST_PICTURES = 300
-"""Cards with a picture, the worst answers first: 5 to 12 kB each."""
+"""Most cards with a picture, the worst answers first: 5 to 12 kB each."""
 MOST_FILMS = 12
-"""Answers with a film, the worst first: 40 to 90 kB each."""
+"""Most answers with a film, the worst first: 40 to 90 kB each."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Report:
     path: Path
     """The HTML file."""
     headlines: tuple[str, ...]
-    """What it says first: counts, recall, or which of two is better."""
+    """Its main results: counts, recall, or which of two is better."""
     notes: tuple[str, ...]
-    """What is missing in it, and why."""
+    """What it lacks, and why."""
 
     def __fspath__(self) -> str:
         return str(self.path)
@@ -55,16 +55,17 @@ class Report:
 
 @dataclass(frozen=True)
 class ReportTools:
-    """What works out and draws for a report; ``report_tools.py`` puts it together."""
+    """The functions that compute and draw for a report; ``report_tools.py`` puts them together."""
 
     recalls_of: RecallsOf
     painter_of: Callable[[Gallery], Painter]
-    """Makes what draws small pictures and films of a gallery's answers, as WebP; empty where it cannot."""
+    """Makes the functions that draw small pictures and films of a gallery's answers as WebP, empty where that is
+    impossible."""
     shared_answer: Callable[[Gallery, GalleryEntry, str, Collection[int], str], SharedRun]
-    """What the page shows of an answer's frame: with the command that opens it, the instances that are shown in depth,
-    and how the keys of its arrays begin."""
+    """Gathers what the page shows of an answer's frame, from the command that opens it, the instances shown in depth,
+    and the beginning of its arrays' keys."""
     write_shared: Callable[[SharedRun, str, Path], str]
-    """Writes that as a file of its own, with a 3D view or "" for none."""
+    """Writes it as a file of its own, with a 3D view or "" for none."""
 
 
 def print_report(
@@ -97,7 +98,7 @@ def report_of(
     Raises:
         VerefineError: a folder is no run, or the file cannot be written.
     """
-    # A comparison does not take the place of the run's own report.
+    # A comparison must not replace the run's own report.
     name = f"report-against-{other.resolve().name}.html" if other else FILE_NAME
     folder = batch_of(folder)
     path = out or folder / name
@@ -129,13 +130,13 @@ def write_report(
     Args:
         folders: of batches.
         path: the HTML file.
-        tools: what works out and draws.
+        tools: functions that compute and draw.
         as_named: whether the user named these runs, one or two; else those that are not finished are left out.
         embed: frames with a wrong answer that can be opened in the file, the worst first.
-        beside: so many more have a file of their own, in a folder beside it.
+        beside: this many more get a file of their own, in a folder beside the report.
         pictures: answers that have a picture, the worst first.
-        progress: what is being done.
-        fix: remedies that were tried on them.
+        progress: shows what is being done.
+        fix: remedies that were tried on the runs.
 
     Raises:
         VerefineError: a folder is no run, or the file cannot be written.
@@ -222,12 +223,12 @@ def _pictures(
 
 @dataclass(frozen=True)
 class ShownFrames:
-    """Frames that a report opens, by the keys of their answers."""
+    """Frames that can be opened in a report, by the keys of their answers."""
 
     elements: list[str] = field(default_factory=list)
-    """HTML of those that are parts of the file."""
+    """HTML of the frames inside the file."""
     parts: dict[int, int] = field(default_factory=dict)
-    """Numbers of the parts."""
+    """Their numbers among the file's parts."""
     files: dict[int, str] = field(default_factory=dict)
     """Files beside the report."""
 
@@ -245,17 +246,17 @@ def _frames(
     """The worst frames as parts of the file, as ``verefine-viz share`` has them; of a good run the worst one, without
     ground truth the most doubtful ones.
 
-    So many more are written into ``folder``, a file each.
+    ``beside`` more are written into ``folder``, a file each.
     """
     entries = gallery.entries
     worst = [key for key in worst_first if entries[key].can_be_opened]
-    # Where there is no answer there is less to see. Where no ground truth is known, any answer may be wrong.
+    # A frame without an answer shows less. Without ground truth, any answer may be wrong.
     wrong = sorted((k for k in worst if entries[k].is_wrong), key=lambda k: entries[k].row.status != "ok")
     wrong = wrong or (worst[:1] if any(entry.row.can_be_right for entry in entries) else worst)
     frames: dict[tuple[str, str, str, int | None], list[int]] = {}
     for key in wrong:
         row = entries[key].row
-        # Several runs may have the frame, or a folder of run files several of it.
+        # Several runs may have the frame, or a folder may hold several run files of it.
         frames.setdefault((entries[key].run, row.frame, row.method, row.seed), []).append(key)
     shown = ShownFrames()
     for done, ((run, frame, *_), keys) in enumerate(list(frames.items())[: embed + beside]):

@@ -1,4 +1,4 @@
-"""What an iteration did, in one or two short sentences, as page and recordings say it; and how they name things."""
+"""Describes an iteration in one or two short sentences, for page and recordings, with the names that they use."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _REFINERS = {
 
 
 def refiner_name(name: str) -> str:
-    """Write a refiner's name as people do."""
+    """Return a refiner's name as people write it."""
     return _REFINERS.get(name, name.replace("_", " "))
 
 
 def source_of(hypothesis: Hypothesis) -> str:
-    """Return where a hypothesis comes from, without the number that disturbed poses have."""
+    """Return the source of a hypothesis, without the number of a disturbed pose."""
     return re.sub(r" #\d+$", "", hypothesis.source)
 
 
@@ -47,7 +47,7 @@ def name_of_contact(instance_id: int, labels: Mapping[int, str]) -> str:
 
 
 def turned_by(T_from: Float, T_to: Float) -> tuple[float, str]:
-    """Return the angle between two poses [deg] and the object's axis it is about: "x", or "" for none of them."""
+    """Return the angle between two poses [deg] and the object's axis of this turn: "x", or "" for another axis."""
     vector = rotation_vector(T_from[:3, :3].T @ T_to[:3, :3])
     angle = float(np.linalg.norm(vector))
     if angle < 1e-9:
@@ -89,7 +89,7 @@ def brief(iteration: Iteration, n_arms: int) -> str:
 
 
 def step_of(target: Target, iteration: Iteration) -> RecordedStep | None:
-    """Return the step of another program's recording that an iteration took; None where it was computed here."""
+    """Return the recorded step of another program that an iteration repeats; None where it was computed here."""
     refined, k = iteration.stage("refined"), iteration.arm_iteration
     own = [step for step in target.instance.recorded if step.hypothesis == iteration.arm]
     if refined is None or k > len(own) or not np.array_equal(own[k - 1].T_cam_obj, refined.T_cam_obj):
@@ -116,19 +116,19 @@ def sentence(iteration: Iteration, target: Target, refiner: str, labels: Mapping
 
 
 def chosen_because(iteration: Iteration) -> str:
-    """Say why the bandit chose the hypothesis; "" where it had no choice."""
+    """Say why the bandit chose the hypothesis; "" where there was no choice."""
     choice = iteration.choice
     if choice is None:
         return ""
     mean, bonus = choice.mean[iteration.arm], choice.exploration[iteration.arm]
-    is_edited = any(event.kind == "edited" for event in iteration.events)  # Then it was not the bound that decided.
+    is_edited = any(event.kind == "edited" for event in iteration.events)  # The bound did not decide.
     if bonus > 0 and not is_edited:
         return f"best UCB: mean {mean:.2f} + bonus {bonus:.2f}"
     return choice.reason.partition(": ")[2] or choice.reason
 
 
 def stage_sentence(iteration: Iteration, k: int, target: Target, refiner: str) -> str:
-    """Say what stage ``k`` did; "" where there is nothing to tell."""
+    """Describe stage ``k``; "" where it did nothing to mention."""
     if k == 0:
         return chosen_because(iteration)
     before, stage = iteration.stages[k - 1], iteration.stages[k]

@@ -1,7 +1,7 @@
 """Compiles kernels in other processes before they are needed: a first step's while the frame is drawn and scored.
 
-After installing, the first frame would wait for one kernel after the other. Numba compiles on one core only; its cache
-on disk is shared, so what another process has compiled is read from there.
+Otherwise, after installing, the first frame would wait for one kernel after another. Numba compiles on one core only;
+its cache on disk is shared, so what another process has compiled is read from there.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ DEPTH_M = 0.5
 
 
 def compile_ahead(session: Session) -> None:
-    """Start processes that compile what a session's refiner and the look at its answer take, unless that was done.
+    """Start processes that compile the kernels for a session's refiner and for the display of its answer, unless this
+    was done.
 
     Returns at once. The processes, as many as cores but one, are ended with this one.
 
@@ -68,7 +69,7 @@ def _refine(session: Session) -> None:
     from verefine_viz.run.toolbox import Toolbox
 
     target, T_cam_obj = tiny_target()
-    # ICP first, which draws nothing: what draws is compiled by who shows the frame.
+    # ICP first, which draws nothing: kernels for drawing are compiled by the process that shows the frame.
     last = _refiner_of(session)
     for name in ("icp", last) if last == "depth_net_icp" else (last,):
         chosen = structs.replace(session, method=structs.replace(session.method, refiner=name))
@@ -89,11 +90,11 @@ def _evaluate(session: Session) -> None:
 
 
 PARTS: Mapping[str, Callable[[Session], None]] = {"refine": _refine, "evaluate": _evaluate}
-"""What is compiled ahead, in the order in which a first run needs it."""
+"""The parts to compile, in the order in which a first run needs them."""
 
 
 def _compile(session: Session, parts: list[str]) -> None:
-    """Main of such a process; what does not work here is compiled, or refused, where it is needed."""
+    """Main function of such a process; kernels that fail here are compiled, or refused, where they are needed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent ends it.
     end_with_parent()
     for part in parts:

@@ -16,18 +16,19 @@ from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import PhysicsSettings
 
 Check = Callable[[Placed, Sequence[Placed], Support], float]
-"""p of an object among others on a support."""
+"""Plausibility p of an object among others on a support."""
 
 
 class PlausibleVerifier:
     """A verifier (core.protocols) whose scores f become (1 − w) f + w p.
 
     p of a pose is that among the ``placed`` objects; of a combination of poses, the mean of its objects' among each
-    other. It is 0 where nothing is seen of the pose, or the pose is none. Frames without a support plane have no term.
+    other. It is 0 where the model is not in the image, or the pose is invalid. Frames without a support plane have no
+    such term.
 
     Args:
         verifier: gives f, with ``score.plausibility_weight`` above 0 in its settings.
-        check: gives p in [0, 1]; a ShapeError of it stands for 0.
+        check: returns p in [0, 1]; its ShapeError counts as 0.
         physics: what ``check`` depends on.
     """
 
@@ -43,7 +44,7 @@ class PlausibleVerifier:
         return self._with_term(scores, (target,), np.asarray(Ts_cam_obj)[:, None], placed)
 
     def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Callable[[], Scores] | None:
-        """Starts f; p is worked out by who waits for the scores."""
+        """Starts f in parallel; p is computed by the thread that waits for the scores."""
         begun = self._verifier.begin(target, Ts_cam_obj, placed)
         if begun is None:
             return None
@@ -52,7 +53,7 @@ class PlausibleVerifier:
     def maps(
         self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
     ) -> ScoreMaps | None:
-        """Maps of f of one pose: p is of the whole pose."""
+        """Maps of f for one pose: p has no maps."""
         return self._verifier.maps(target, T_cam_obj, placed, at)
 
     def score_scene(
@@ -93,11 +94,11 @@ class PlausibleVerifier:
     def _share(self, one: Placed, others: Sequence[Placed], support: Support) -> float:
         try:
             return self._check(one, others, support)
-        except ShapeError:  # No rigid transform, or too far away for any simulation.
+        except ShapeError:  # Not a rigid transform, or too far away for a simulation.
             return 0.0
 
 
 def are_comparable(one: Verifier, other: Verifier) -> bool:
-    """Whether the scores of two verifiers may be weighed against each other."""
+    """Whether the scores of two verifiers can be compared."""
     physics = [v.physics if isinstance(v, PlausibleVerifier) else None for v in (one, other)]
     return one.settings == other.settings and physics[0] == physics[1]

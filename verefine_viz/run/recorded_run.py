@@ -1,4 +1,4 @@
-"""What a record holds, stepped through as a method steps: every iteration as it was written, nothing computed again."""
+"""Replays a record in the form of a method: every iteration as it was written, nothing computed again."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from verefine_viz.run.record import RunRecord
 
 
 class ReplayedMethod:
-    """A method whose steps were made before."""
+    """A method whose steps were recorded before."""
 
     refiner = None
-    """A record has what came out of the refiner, not the refiner."""
+    """A record holds the results of the refiner, not the refiner."""
 
     def __init__(self, record: RunRecord) -> None:
         self._record = record
@@ -31,7 +31,7 @@ class ReplayedMethod:
         """The state before the first iteration.
 
         Raises:
-            InputError: the frame does not hold what was recorded.
+            InputError: the frame lacks a recorded object.
         """
         problem = problem.only(self._instances(problem))
         if self._record.missing:
@@ -53,7 +53,7 @@ class ReplayedMethod:
         return len(self._iterations)
 
     def _instances(self, problem: Problem) -> Sequence[int]:
-        """The instances that were recorded, all of them as the frame has them now."""
+        """The recorded instances, as they are in the frame now."""
         here = {i.instance_id: i for i in problem.instances}
         for one in self._record.header.objects:
             instance = here.get(one.instance_id)
@@ -80,7 +80,7 @@ class ReplayedMethod:
         entries = [AcceptedPose(h.T_cam_obj, score, "initial", 0) for h, score in pairs]
         arms = tuple(Arm((entry,), 1.0, entry.score.score) for entry in entries)
         if not any(i.choice for i in self._iterations if i.instance_id == own):
-            arms = arms[:1]  # A method without a choice uses the first only.
+            arms = arms[:1]  # A method without a choice uses only the first hypothesis.
         first = int(np.argmax([arm.mean for arm in arms]))
         return ObjectState(target, _columns(recorded.initial), arms, entries[first].as_best(first))
 

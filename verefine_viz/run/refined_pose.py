@@ -1,9 +1,9 @@
 """Refines, settles and verifies one pose of an object that a person, or a program, proposes.
 
-The paper's iteration (Sec. III-A, III-B) taken to rest: the refiner until it moves no more, the simulator until the
-object lies among the placed objects, the refiner again from the simulated rotation. Of all poses on the way the one
-with the highest verification score is the answer, among those that sink no deeper into anything than the proposed one.
-Ground truth is not looked at.
+The paper's iteration (Sec. III-A, III-B) run to convergence: the refiner until it no longer moves the pose, the
+simulator until the object lies among the placed objects, the refiner again from the simulated rotation. The answer is
+the pose with the highest verification score among those on the way that sink no deeper into anything than the proposed
+one. Ground truth is not looked at.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
     from verefine_viz.run.toolbox import Toolbox
 
 MOST_CALLS = 10
-"""Calls of the refiner after which it counts as at rest, before the simulation and after it."""
+"""Most calls of the refiner, before the simulation and after it."""
 REST_M, REST_RAD = 1e-4, np.radians(0.1)
-"""A refiner that moves and turns a pose by less is at rest."""
+"""A refiner that moves and turns a pose by less than this has converged."""
 SETTLING_STEPS = 30
 """Steps of 1/60 s after which an object that began near its support lies on it."""
 
 
 @dataclass(frozen=True, eq=False)
 class RefinedPose:
-    """A proposed pose after it was refined and settled, with what verifies it."""
+    """A proposed pose, refined and settled, with its verification."""
 
     T_cam_obj: Float
     """(4, 4) [m]; the proposed pose itself where nothing scores higher."""
@@ -47,20 +47,20 @@ class RefinedPose:
     physics: Plausibility | None
     """Contacts, deepest intersection, stability; None where no support is known or physics is off."""
     allowed: AllowedPoses | None = None
-    """What the image allows beside it; None where that was not asked."""
+    """The poses that the image allows besides it; None where these were not asked for."""
 
 
 def refined_pose(
     tools: Toolbox, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), with_allowed: bool = False
 ) -> RefinedPose:
-    """Refine a pose until it rests, settle it on its support, refine it again, and verify what is best.
+    """Refine a pose to convergence, settle it on its support, refine it again, and verify the best pose.
 
     Args:
         tools: of the session, whose refiner, simulator and verifier are used.
         target: the object; its hypotheses and ground truth are not looked at.
         T_cam_obj: (4, 4) the proposed pose [m].
-        placed: objects around it where they stand.
-        with_allowed: whether to work out what the image allows beside the answer, which takes a second.
+        placed: other objects at their poses.
+        with_allowed: whether to work out the poses that the image allows besides the answer, which takes a second.
 
     Raises:
         ShapeError: the pose is not rigid, or no solid can be made of the model.
@@ -78,13 +78,13 @@ def refined_pose(
     ranked = ((k, _physics(tools, target, poses[k], placed)) for k in np.argsort(-scores.score, kind="stable"))
     k, physics = next(
         (k, physics) for k, physics in ranked if _too_deep_mm(physics) <= most_mm
-    )  # The proposed at last.
+    )  # The proposed pose last.
     allowed = _allowed(tools, target, poses[k], placed) if with_allowed else None
     return RefinedPose(poses[k], scores[k], scores[0], physics, allowed)
 
 
 def _rested(refiner: Refiner, target: Target, T_cam_obj: Float, placed: Sequence[Placed]) -> Float:
-    """The pose where the refiner rests."""
+    """The pose at which the refiner has converged."""
     for _ in range(MOST_CALLS):
         T_before, T_cam_obj = T_cam_obj, refined(refiner, target, T_cam_obj, placed).T_cam_obj
         moved_m = np.linalg.norm(T_cam_obj[:3, 3] - T_before[:3, 3])

@@ -2,8 +2,8 @@
 
 It is appended to and never rewritten. An entry is its length and its CRC-32 (4 bytes each, little-endian), a letter for
 its kind, and the record as msgpack, field by field as in ``core.records`` and ``run.record``; an array is its type, its
-shape and its bytes. What was appended is with the operating system when the run goes on: a writer that is killed leaves
-all its iterations.
+shape and its bytes. Each entry is handed to the operating system before the run goes on: if the writer is killed, no
+iteration is lost.
 """
 
 from __future__ import annotations
@@ -42,22 +42,22 @@ R = TypeVar("R", RunHeader, Iteration, RunEnd)
 
 
 class RunFile:
-    """Writes a run file. As a watcher of a run it writes the header and every iteration by itself."""
+    """Writes a run file. As a watcher it writes a run's header and every iteration."""
 
     def __init__(self, path: Path, session: Session, weights: Mapping[str, str] = NO_WEIGHTS) -> None:
-        """Nothing is written before :meth:`begin` or :meth:`on_start`; the folder is made if needed.
+        """Write nothing before :meth:`begin` or :meth:`on_start`; the folder is made if needed.
 
         Args:
             path: the file, ``….vfrun``.
             session: what is being run.
-            weights: hashes of the run's weights, for the header; those of a session: ``session_parts.weights_of``.
+            weights: hashes of the run's weights, for the header; ``session_parts.weights_of`` gives those of a session.
         """
         self.path = path
         self._session, self._weights = session, weights
         self._file = -1
 
     def begin(self, header: RunHeader) -> None:
-        """Creates the file; what is there is replaced.
+        """Create the file, replacing any old one.
 
         Raises:
             InputError: it cannot be written.
@@ -81,7 +81,7 @@ class RunFile:
         self.close()
 
     def finished_as(self, end: RunEnd) -> bytes:
-        """The content that the file will have once it is finished with ``end``.
+        """The content of the file as if it were finished with ``end``.
 
         Raises:
             InputError: what is written of it cannot be read.
@@ -89,7 +89,7 @@ class RunFile:
         return read_file(self.path, "run file") + ending(end)
 
     def close(self) -> None:
-        """Leave the run as it is; later calls do nothing."""
+        """End the file without answers; later calls do nothing."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -101,11 +101,11 @@ class RunFile:
         self.append(iteration)
 
     def on_finish(self, state: RunState) -> None:
-        """The answers are still to be worked out: :meth:`finish`."""
+        """Do nothing: :meth:`finish` writes the answers, which are still to be worked out."""
 
     def _write(self, content: bytes) -> None:
         try:
-            # A disk that is nearly full takes a part, and refuses when it is asked again.
+            # A nearly full disk takes a part, and refuses the rest.
             while content:
                 content = content[os.write(self._file, content) :]
         except OSError as error:
@@ -116,7 +116,7 @@ class RunFile:
 
 
 def write_record(path: Path, record: RunRecord) -> None:
-    """Write a whole record to a file; what is there is replaced.
+    """Write a whole record to a file, replacing any old one.
 
     Raises:
         InputError: it cannot be written.
@@ -137,11 +137,11 @@ def encoded(record: RunRecord) -> bytes:
 
 
 def read_run_file(path: Path, with_iterations: bool = True) -> RunRecord:
-    """The run in a file: all of it, or what can be read from its beginning on (:attr:`RunRecord.missing`).
+    """The run in a file: all of it, or the readable beginning (:attr:`RunRecord.missing`).
 
     Args:
         path: the file.
-        with_iterations: whether its iterations are wanted; they are checked for damage in any case.
+        with_iterations: whether iterations are returned; they are checked for damage in any case.
 
     Raises:
         InputError: it cannot be read, is something else or of a later version, or holds not even its header.
@@ -196,7 +196,7 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
     except ValueError as error:
         raise InputError(f"{what} is damaged: {one_line(str(error))}; run its session again") from None
     missing = ""
-    if end is None:  # What is left of something behind the answers takes nothing from them.
+    if end is None:  # Remains of an entry behind the answers do not harm them.
         left = "1 iteration is in it" if n == 1 else f"{n or 'no'} iterations are in it"
         why = "bytes in the middle are damaged" if entries.damage == _DAMAGED else "it was stopped or cut off"
         missing = f"the run ended early ({why}); {left}"
@@ -204,7 +204,7 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
 
 
 def _beginning(header: RunHeader) -> bytes:
-    # A record that was read from an older file is written as it is now.
+    # A record that was read from an older file is written in the present format.
     return MAGIC + framed(_HEADER + _ENCODER.encode(structs.replace(header, format=FORMAT)))
 
 
@@ -218,7 +218,7 @@ def ending(end: RunEnd) -> bytes:
 
 
 def read_endings(file: BinaryIO) -> Iterator[RunEnd]:
-    """The ends of several runs, one after the other as :func:`ending` makes them.
+    """The ends of several runs, one after another, as :func:`ending` wrote them.
 
     Raises:
         InputError: the file is damaged.
@@ -239,8 +239,8 @@ def framed(body: bytes) -> bytes:
 
 
 def thin(iteration: Iteration) -> Iteration:
-    """The iteration as it is written: its simulated path, which is for drawing, in single precision and with the
-    contacts of the last step alone.
+    """The iteration as it is written: its simulated path, which is only drawn, in single precision and with only the
+    contacts of the last step.
     """
     path = iteration.path
     if path is None:
@@ -261,7 +261,7 @@ _DAMAGED, _CUT = "damaged", "cut"
 
 
 class _Bodies:
-    """The bodies that follow one another in a run file, up to the first that is not whole; then why they end."""
+    """The successive bodies of a run file, up to the first incomplete one; then the reason why they end."""
 
     def __init__(self, content: bytes) -> None:
         self.damage = ""
@@ -275,7 +275,7 @@ class _Bodies:
                 return
             length, crc = _HEAD.unpack_from(content, at)
             body = content[at + _HEAD.size : at + _HEAD.size + length]
-            # No entry is empty: zeros are what a file system leaves that had no time to write.
+            # No entry is empty: zeros are left by a file system that had no time to write.
             if len(body) < length or not length or zlib.crc32(body) != crc:
                 self.damage = _DAMAGED if len(body) == length > 0 else _CUT
                 return
@@ -317,7 +317,7 @@ class _Numbered(msgspec.Struct):
 
 
 class _Indexed(msgspec.Struct):
-    """What an iteration is known by."""
+    """The fields that identify an iteration."""
 
     index: int
 
@@ -354,7 +354,7 @@ def _array(kind: Any, value: Any) -> np.ndarray:
 
 
 _TYPES = ("<f8", "<f4", "<i8")
-"""Types of arrays: those of poses and scores, of simulated paths, of what contacts touch."""
+"""Types of arrays: of poses and scores, of simulated paths, of the ids in contacts."""
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_packed_array)
 _HEADER_DECODER = msgspec.msgpack.Decoder(RunHeader, dec_hook=_array)
 _ITERATION_DECODER = msgspec.msgpack.Decoder(Iteration, dec_hook=_array)
@@ -441,7 +441,7 @@ def _check_end(header: RunHeader, end: RunEnd, n: int) -> None:
 
 
 def _other_instances(iteration: Iteration) -> Iterator[int]:
-    """Instances of all poses beside its stages that the iteration names."""
+    """Instances of all poses that the iteration holds besides its stages."""
     scene, tree = iteration.scene, iteration.tree
     poses = [*iteration.placed]
     if scene is not None:
@@ -468,7 +468,7 @@ def _check_arrays(iteration: Iteration) -> None:
     if choice is not None:
         for name in ("plays", "mean"):
             finite(getattr(choice, name), name, (None,))
-        for name in ("exploration", "ucb"):  # Infinite for what was never played.
+        for name in ("exploration", "ucb"):  # Infinite for an arm that was never played.
             if np.isnan(frozen(getattr(choice, name), name, (None,))).any():
                 raise ValueError(f"{name} of iteration {iteration.index} holds NaN")
     if path is not None:

@@ -1,4 +1,4 @@
-"""Beginning of a run's record: its header; of a frame that could not be solved, the whole record."""
+"""The beginning of a run's record, its header; and the whole record of a frame that could not be solved."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from verefine_viz.core.protocols import RunState
 
 NO_WEIGHTS: Mapping[str, str] = MappingProxyType({})
-"""Weights of a run whose parts have learned nothing."""
+"""Weights of a run without learned parts."""
 
 
 def failed_run(
@@ -40,7 +40,7 @@ def header_of(problem: Problem, state: RunState | None, session: Session, weight
 
     Args:
         problem: the frame.
-        state: of the run before the first iteration; None where nothing is scored.
+        state: of the run before the first iteration; None where no scores are known.
         session: what it is a run of.
         weights: hashes of its weights by name, as :func:`verefine_viz.run.session_parts.weights_of` has them.
     """
@@ -72,7 +72,7 @@ def header_of(problem: Problem, state: RunState | None, session: Session, weight
 
 
 def session_of(header: RunHeader) -> Session:
-    """The session that makes the same run.
+    """The session that repeats a run.
 
     Raises:
         SettingsError: it is damaged, or this version cannot run it.

@@ -1,6 +1,6 @@
 """Makes the convex parts of a frame's models on threads of their own, while the frame is looked at and scored.
 
-A step that needs parts that are not made yet waits for those alone: who makes them holds their lock file
+A step that needs parts which are not made yet waits only for these: the thread that makes them holds their lock file
 (``core.array_cache``).
 """
 
@@ -20,11 +20,11 @@ from verefine_viz.physics.colliders import Collider, collider, known_collider
 
 
 class SolidsAhead:
-    """Makes convex parts of models, as many at a time as there are cores but one.
+    """Makes convex parts of models, on as many threads as there are cores but one.
 
     Args:
-        on_other: called on such a thread with a model that has no parts as they were asked for: CoACD failed on it, or
-            took too long. A frame that shows it has to be read again.
+        on_other: called on such a thread with a model whose parts could not be made as asked for, because CoACD failed
+            or took too long. A frame that shows the model has to be read again.
     """
 
     def __init__(self, on_other: Callable[[ObjectModel], None]) -> None:
@@ -42,7 +42,7 @@ class SolidsAhead:
         return settings.collider == "decomposition" and not settings.collider_folder
 
     def solid_of(self, model: ObjectModel, progress: ProgressToken) -> Collider | None:
-        """The parts of a model; None = they are made once :meth:`begin` is called.
+        """The parts of a model; None = they will be made after :meth:`begin`.
 
         Raises:
             ShapeError: it has no volume, or CoACD failed on it before.
@@ -53,18 +53,18 @@ class SolidsAhead:
             return known
         if model.mesh_hash in self._faults:
             raise self._faults[model.mesh_hash]
-        collider(model, "hull", progress=progress)  # What has no volume is known at once.
+        collider(model, "hull", progress=progress)  # A model without volume is recognized at once.
         self._asked[model.mesh_hash] = model
         return None
 
     def begin(self) -> None:
-        """Begin to make what was asked for and is not there: after what the frame is drawn and scored by."""
+        """Begin to make the missing parts that were asked for, once the frame can be drawn and scored."""
         for mesh_hash in self._asked.keys() - self._begun:
             self._begun.add(mesh_hash)
             self._threads.submit(self._make, self._asked[mesh_hash])
 
     def stop(self) -> None:
-        """End what is being made; nothing of it is left behind."""
+        """Stop making parts; nothing unfinished is left behind."""
         self._ended.set()
         self._threads.shutdown(cancel_futures=True)
 

@@ -1,7 +1,7 @@
-"""``method.track``: what a frame answered is an initial pose of the next frame of its scene (docs/methods.md 1.13).
+"""``method.track``: the answers of a frame are initial poses in the next frame of its scene (docs/methods.md 1.13).
 
-Which poses those are follows from the session alone: they are the answers of the session's own runs of the frames
-before. So it does not matter who solves which frame, in which process, or what is read from a run file instead.
+The session alone determines these poses: they are the answers of its own runs on the earlier frames. So it does not
+matter which process solves which frame, or which answers are read from run files instead.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from verefine_viz.run.engine import Run
 
 @dataclass(frozen=True, eq=False)
 class EarlierPose:
-    """The pose with which an earlier frame answered for one object."""
+    """The answer of an earlier frame for one object."""
 
     frame: str
     obj_id: int
@@ -37,7 +37,7 @@ class EarlierPose:
 
 
 Known = Mapping[tuple[int, int], EarlierPose]
-"""The latest answer of each object of a scene, by obj_id and instance_id; the latest frame's last."""
+"""The latest answer for each object of a scene, by obj_id and instance_id, those of the latest frame last."""
 
 
 def answers_of(run: Run) -> tuple[EarlierPose, ...]:
@@ -54,7 +54,7 @@ class Track:
     """The answers of frames, each worked out once.
 
     Args:
-        frames: of the session, in any order; those of a scene follow each other by their numbers.
+        frames: of the session, in any order; a scene's frames are taken by number.
         solve: solves one of them; a VerefineError means that it has no answer.
         progress: checked before a frame is solved.
     """
@@ -64,12 +64,12 @@ class Track:
     ) -> None:
         self._frames, self._solve, self._progress = sorted(frames, key=parse_frame), solve, progress
         self._known: dict[str, Known] = {}
-        """After each frame."""
+        """Answers after each frame."""
         self.recall: Callable[[str], tuple[EarlierPose, ...] | None] = lambda frame: None
-        """The answers of a frame that was solved elsewhere, so that it need not be solved again; None = unknown."""
+        """Returns the answers of a frame solved elsewhere, which need not be solved again; None = unknown."""
 
     def before(self, frame: str) -> Known:
-        """What is known when a frame begins; nothing before the first of a scene, or of one that is not in order."""
+        """The answers known when a frame begins; none for the first of a scene, or for a frame that is not listed."""
         scene = parse_frame(frame)[0]
         earlier = [f for f in self._frames if parse_frame(f)[0] == scene]
         earlier = earlier[: earlier.index(frame)] if frame in earlier else []
@@ -95,7 +95,7 @@ class Track:
 def tracked_poses(problem: Problem, known: Known) -> tuple[TrackedPose, ...]:
     """The answers that are initial poses of this frame's objects.
 
-    An object is the one of the same model; where either frame has several of it, the one of the same number.
+    Objects are matched by model; where either frame has several of a model, by number, too.
     """
     here = Counter(instance.obj_id for instance in problem.instances)
     poses = []
@@ -134,7 +134,7 @@ def _with_pose(instance: Instance, pose: TrackedPose) -> Instance:
     confidence = max((h.confidence for h in instance.hypotheses), default=1.0)
     source = f"tracked, the answer of frame {pose.answered_in}"
     first = Hypothesis(np.reshape(pose.T_cam_obj, (4, 4)), confidence, source, pose.answered_in)
-    # What another program recorded goes on to name its own initial poses.
+    # Recorded steps of another program still refer to its own initial poses.
     recorded = tuple(replace(step, hypothesis=step.hypothesis + 1) for step in instance.recorded)
     scores = (None, *instance.recorded_scores) if instance.recorded_scores else ()
     hypotheses = (first, *instance.hypotheses)
@@ -142,7 +142,7 @@ def _with_pose(instance: Instance, pose: TrackedPose) -> Instance:
 
 
 def with_its_tracked(session: Session, problem: Problem) -> Session:
-    """A session that states the tracked poses which a frame of it began with."""
+    """A session that states the tracked poses with which one of its frames began."""
     stated = tuple(
         TrackedPose(
             frame=problem.frame,

@@ -1,4 +1,4 @@
-"""Where the files of a data set in BOP layout are: splits, scenes, sensors, and what lies beside a missing file."""
+"""Finds the files of a data set in BOP layout: splits, scenes, sensors, and hints at files beside a missing one."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from verefine_viz.scenes.image_files import find_image
 
 MaskFolder = Literal["mask_visib", "mask"]
 LIKE = 0.8
-"""Likeness of two names, by their letters alone, from which one may be meant by the other."""
+"""Likeness of two names, by their letters alone, from which on one may be meant by the other."""
 MOST_LIKE = 3
-"""Names beside a missing file that are shown."""
+"""Most names beside a missing file that are shown."""
 _CAMERAS = re.compile(r"scene_camera(?:_([\w.-]+))?\.json")
 _ORDER = ("test", "train", "val")
-"""Splits in the order in which they are opened; others come after them."""
+"""Splits in the order in which they are tried; others follow."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class SceneFiles:
         return find_image(self.images(kind), _stem(ids))
 
     def expected(self, kind: str, *ids: int) -> Path:
-        """The path that a missing image should have."""
+        """The expected path of a missing image."""
         return self.images(kind) / f"{_stem(ids)}.png"
 
     @property
@@ -70,7 +70,7 @@ def files_of_scene(folder: Path, sensor: str = "") -> SceneFiles:
             truth, or at least depth.
 
     Raises:
-        InputError: the scene has no such sensor; those that it has are listed.
+        InputError: the scene has no such sensor; the message lists its sensors.
     """
     there = sensors_of(folder)
     if sensor and sensor not in there:
@@ -104,9 +104,10 @@ def splits_in(folder: Path) -> tuple[str, ...]:
 
 
 def splits_to_open(folder: Path) -> tuple[str, ...]:
-    """The splits of a data set of which a scene lists its images, the one to open first: with ground truth, then test.
+    """The splits of a data set with a scene that lists its images, in the order to try: with ground truth first, then
+    test.
 
-    A folder with a scene without images, or that is none of data, has none.
+    None for a folder whose scenes list no images, or that holds no data.
     """
     splits = {path.parent.parent.name for path in folder.glob("*/[0-9]*/scene_camera*.json")}
     ranks = {name: next((k for k, first in enumerate(_ORDER) if name.startswith(first)), 9) for name in splits}
@@ -121,16 +122,16 @@ def has_truth(split: Path) -> bool:
 
 @dataclass(frozen=True)
 class Inside:
-    """What a folder within a data set is: a split, or a scene of it."""
+    """A folder within a data set: a split, or a scene of one."""
 
     dataset: Path
     split: str
     scene_id: int | None
-    """None where it is the split."""
+    """None for a split."""
 
 
 def inside_dataset(folder: Path) -> Inside | None:
-    """What a folder is within a data set; None where it is none of a split or a scene with images."""
+    """The place of a folder within a data set; None where it is neither a split nor a scene with images."""
     places: list[Inside] = []
     for path in (folder.absolute(), folder.resolve()):  # A link may lead out of the data set, or into it.
         if sensors_of(path) and (scene_id := id_of(path.name)) is not None:
@@ -147,7 +148,7 @@ def datasets_below(folder: Path) -> tuple[Path, ...]:
 
 
 def _folders_in(folder: Path) -> list[Path]:
-    """The folders in a folder; none where it is none, or cannot be read."""
+    """The folders in a folder; none where it is not a folder, or cannot be read."""
     try:
         return sorted(path for path in folder.iterdir() if path.is_dir())
     except OSError:
@@ -155,7 +156,7 @@ def _folders_in(folder: Path) -> list[Path]:
 
 
 def meant_dataset(folder: Path, split: str) -> str:
-    """A hint where a folder without a split lies in the data set, or holds it; empty where neither is so."""
+    """A hint where a folder without a split lies in the data set, or holds it; else empty."""
     near = [place for place in (*folder.resolve().parents[:2], *_folders_in(folder)) if scenes_in(place / split)]
     if len(near) > 1:
         return f"; data sets that have it: {listed(near)}; set scene.dataset to one of them"
@@ -163,7 +164,7 @@ def meant_dataset(folder: Path, split: str) -> str:
 
 
 def nearby_hint(path: Path) -> str:
-    """A hint at what lies beside a missing file, or beside its missing folder, and may be meant by it; else empty."""
+    """A hint at names beside a missing file, or beside its missing folder, that may be meant; else empty."""
     if not path.parent.is_dir():
         return "" if path.parent == path else nearby_hint(path.parent)
     try:
@@ -175,7 +176,7 @@ def nearby_hint(path: Path) -> str:
 
 
 def _is_like(name: str, wanted: str) -> bool:
-    """Whether two names have the same numbers, or without any nearly the same letters; an ending says little."""
+    """Whether two names have the same numbers or, without numbers, nearly the same letters; endings hardly count."""
     stem, wanted_stem = name.partition(".")[0], wanted.partition(".")[0]
     if numbers := _numbers(wanted_stem):
         return _numbers(stem) == numbers

@@ -1,4 +1,4 @@
-"""Visible masks of annotated instances out of scene_gt_coco.json, for data sets that come without images of masks."""
+"""Visible masks of annotated instances from scene_gt_coco.json, for data sets without mask images."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from verefine_viz.scenes.annotations import GroundTruth
 from verefine_viz.scenes.detections import mask_of
 
 UNKNOWN_PX = 1e6
-"""Distance between a box and an instance of which one is not known [px]."""
+"""Distance between a box and an instance if either is unknown [px]."""
 
 
 class Annotation(msgspec.Struct, frozen=True):
-    """An instance of which something is visible; its ids are not those of scene_gt."""
+    """An instance that is at least partly visible; its ids are not those of scene_gt."""
 
     image_id: Id
     category_id: Id
@@ -55,17 +55,17 @@ class CocoMasks:
             self._annotations.setdefault(annotation.image_id, []).append((k, annotation))
 
     def mask(self, im_id: int, gt_id: int, entries: Sequence[GroundTruth], K: Float, shape: tuple[int, int]) -> Mask:
-        """The visible mask (H, W) of an instance; empty where nothing of it is visible.
+        """The visible mask (H, W) of an instance; all False where nothing of it is visible.
 
         Args:
             im_id: BOP image.
-            gt_id: the instance's place in ``entries``.
+            gt_id: the instance's index in ``entries``.
             entries: the image's ground truth.
             K: camera matrix (3, 3) [px] of the image.
             shape: (height, width) of the image.
 
         Raises:
-            InputError: the file has none of an instance that is visible, or its mask is damaged or of another size.
+            InputError: the file has no mask of a visible instance, or the mask is damaged or of another size.
         """
         annotations = self._annotations.get(im_id, [])
         owned = owners([annotation for _, annotation in annotations], entries, K)
@@ -82,9 +82,8 @@ class CocoMasks:
 def owners(annotations: Sequence[Annotation], entries: Sequence[GroundTruth], K: Float) -> dict[int, int]:
     """The index of the annotation of each instance, by gt_id; instances without visible pixels have none.
 
-    Annotations are in the order of the instances of which something is visible. Where that leaves it open whose they
-    are (scene_gt_info.json is missing), each goes to the instance whose origin appears nearest to the middle of its
-    box.
+    Annotations are in the order of the visible instances. Where these are unknown (scene_gt_info.json is missing), each
+    annotation goes to the instance whose origin appears nearest to the middle of its box.
     """
     owned: dict[int, int] = {}
     for obj_id in {annotation.category_id for annotation in annotations}:

@@ -1,7 +1,7 @@
-"""Surroundings out of a mesh, as a robot's map or a CAD model of the cell; docs/methods.md 7.4.
+"""Surroundings from a mesh, such as a robot's map or a CAD model of the cell; docs/methods.md 7.4.
 
 Each flat part of the mesh that is convex becomes a solid of its own, as thick as the mesh is behind it: a sheet of
-triangles would let through what starts inside of it.
+triangles would let an object through that starts inside of it.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from verefine_viz.observation.support_surfaces import STEEPEST
 from verefine_viz.scenes.meshes import Mesh, read_mesh
 
 NEAR_M = 0.5
-"""What is further from all objects does not count [m]."""
+"""Parts farther than this from all objects do not count [m]."""
 MOST_SOLIDS = 2000
-"""More flat parts near the objects would make every simulation slow."""
+"""Most flat parts near the objects; more would make every simulation slow."""
 FLAT = 0.99
-"""A flat part that fills this share of its convex hull is taken whole, else triangle by triangle."""
+"""A flat part that fills this share of its convex hull is used as a whole, else triangle by triangle."""
 
 
 def environment_mesh(settings: PhysicsSettings) -> Mesh:
@@ -55,7 +55,7 @@ def mesh_surroundings(settings: PhysicsSettings, observation: Observation, suppo
 
     Raises:
         SettingsError: no file is named.
-        InputError: it cannot be read, its pose is none or not known in this frame, it has no faces near the objects,
+        InputError: it cannot be read, its pose is invalid or unknown in this frame, it has no faces near the objects,
             or too many.
     """
     path, mesh = Path(settings.mesh), environment_mesh(settings)

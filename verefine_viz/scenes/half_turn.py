@@ -1,6 +1,6 @@
-"""An object turned by half, so that its shape changes least: it then lies where it lay, with its other side in front.
+"""The half turn of an object that changes its shape least: it then lies where it lay, with its other side in front.
 
-Half of the trials of the paper's grasping experiment have the objects so (Sec. V-D).
+In half of the trials of the paper's grasping experiment objects are turned so (Sec. V-D).
 """
 
 from __future__ import annotations
@@ -20,18 +20,20 @@ if TYPE_CHECKING:
 NEAR_SHARE = 0.03
 """A half turn about the vertical is taken if it leaves half of the surface nearer than this share of the diameter, …"""
 PREFERENCE = 0.5
-"""… or if no other leaves it nearer than this share of that: a banana is turned over, a duck turned round."""
+"""… or if no other half turn leaves it nearer than this share of that distance: a banana is turned over, a duck turned
+round."""
 SHIFTS = 10
 """How often the turned object is shifted onto its own surface, by the median distance: a mug is turned about its cup,
 not about the middle of cup and handle."""
 
 
 def half_turn(model: ObjectModel, up_obj: Float) -> Float:
-    """The turn (4, 4) in the object's frame [m]; ``T_world_obj @ half_turn`` lies nearly where ``T_world_obj`` does.
+    """The half turn (4, 4) in the object's frame [m]; ``T_world_obj @ half_turn`` lies nearly where ``T_world_obj``
+    does.
 
     Args:
-        model: what is turned.
-        up_obj: (3,) unit vector of the vertical in the object's frame.
+        model: the object's.
+        up_obj: (3,) unit vector, the vertical in the object's frame.
     """
     surface = ray_scene(model.vertices, model.faces)
     corners = model.vertices[model.faces]
@@ -46,8 +48,8 @@ def half_turn(model: ObjectModel, up_obj: Float) -> Float:
 
 
 def _turned(points: Float, surface: o3d.t.geometry.RaycastingScene, axis: Float, middle: Float) -> tuple[Float, float]:
-    """The half turn (4, 4) about an axis of this direction near ``middle`` (3,), and how far it leaves half of the
-    surface [m].
+    """The half turn (4, 4) about an axis of this direction near ``middle`` (3,), and the distance within which it
+    leaves half of the surface [m].
     """
     R = axis_angle(axis, np.pi)
     T = transform(R, middle - R @ middle)

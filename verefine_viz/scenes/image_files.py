@@ -24,9 +24,9 @@ from verefine_viz.core.label_images import labels_fault
 from verefine_viz.core.writing import atomic
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy", ".exr")
-"""Looked for in this order. EXR is recognized, to say what to do."""
+"""Endings of images, in the order of the search. EXR is recognized only to say what to do."""
 LOSSY = (".jpg", ".jpeg")
-"""Their masks have values near 0 and 255 as well, which are no labels."""
+"""Endings of lossy images: their masks also have values near 0 and 255, which are not labels."""
 MOST_PIXELS = 89_000_000
 DEEPEST_M = 1e6
 """Largest depth that an image may hold [m]; a 16-bit one holds no more at any depth_scale that is taken."""
@@ -35,7 +35,7 @@ DEEPEST_M = 1e6
 def find_image(folder: Path, stem: str) -> Path | None:
     """The image of that name in ``folder``, whatever its format, or None.
 
-    Something of that name that is no file (a pipe, a broken link) is refused when it is read.
+    Another thing of that name (a pipe, a broken link) is refused when it is read.
     """
     candidates = (folder / f"{stem}{suffix}" for suffix in SUFFIXES)
     return next((path for path in candidates if os.path.lexists(path)), None)
@@ -43,7 +43,7 @@ def find_image(folder: Path, stem: str) -> Path | None:
 
 @contextmanager
 def open_image(file: BinaryIO) -> Iterator[Image.Image]:
-    """An image of at most 89 million pixels; above, Pillow only warns, as it does about EXIF data that are damaged."""
+    """An image of at most 89 million pixels; above that Pillow only warns, as it does about damaged EXIF data."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         warnings.simplefilter("error", Image.DecompressionBombWarning)
@@ -55,7 +55,7 @@ def read_color(path: Path) -> NDArray[np.uint8]:
     """RGB (H, W, 3) of a colour or grey image of 8 or 16 bits.
 
     Raises:
-        InputError: missing, damaged, or no image.
+        InputError: missing, damaged, or not an image.
     """
     image = _read(path)
     if image.mode.startswith("I") or image.mode == "F":
@@ -96,7 +96,7 @@ def read_depth(path: Path, scale_mm: float) -> NDArray[np.float32]:
 
 
 def read_steps(path: Path, scale_mm: float) -> Float:
-    """The values (H, W) of a depth image as the file has them, 0 = not measured.
+    """The values (H, W) of a depth image as they are in the file, 0 = not measured.
 
     Raises:
         InputError: as :func:`read_depth`.
@@ -118,12 +118,12 @@ def read_steps(path: Path, scale_mm: float) -> Float:
 
 
 def read_mask(path: Path, shape: tuple[int, int], label: Path | None = None) -> Mask:
-    """A mask (H, W) bool of one object, read-only: every value above 0 is inside, of its alpha channel where that holds
+    """A mask (H, W) bool of one object, read-only: every pixel above 0 is inside, in the alpha channel where that holds
     the mask.
 
     Args:
         path: the image.
-        shape: (height, width) that it should have.
+        shape: (height, width) expected.
         label: a text file with the number of the object's pixels, where images hold those of several objects.
 
     Raises:
@@ -146,7 +146,7 @@ def read_mask(path: Path, shape: tuple[int, int], label: Path | None = None) -> 
         raise InputError(f"{path} {fault}{choice}")
     else:
         inside = np.asarray(image.convert("L")) > 0 if image.mode == "P" else values > 0
-    inside.flags.writeable = False  # Else each of thousands is copied when it is frozen.
+    inside.flags.writeable = False  # Otherwise each of thousands of masks would be copied when it is frozen.
     return inside
 
 
@@ -176,7 +176,7 @@ def image_width(path: Path) -> int:
     """The width that an image's header states [px].
 
     Raises:
-        InputError: missing, damaged, or no image.
+        InputError: missing, damaged, or not an image.
     """
     if path.suffix.lower() == ".npy":
         return _read(path).width
@@ -211,7 +211,7 @@ def _of_array(file: BinaryIO) -> Image.Image:
         raise ContentError("it holds numbers of more than 32 bits")
     kinds = {"b": np.uint8, "f": np.float32}
     kind = values.dtype if values.dtype in (np.uint8, np.uint16) else kinds.get(values.dtype.kind, np.int32)
-    with np.errstate(over="ignore"):  # What is larger counts as infinite: not measured.
+    with np.errstate(over="ignore"):  # Larger values count as infinite: not measured.
         return Image.fromarray(np.ascontiguousarray(values, kind))
 
 
@@ -226,19 +226,19 @@ class CameraEntry(msgspec.Struct, frozen=True):
     depth_scale: Annotated[float, Meta(ge=1e-6, le=1e4)] | None = None
     """Millimetres per step of the depth image: data sets have 0.1 to 1, and metres as floats 1000."""
     cam_R_w2c: Any = None
-    """Checked where it is used, as a frame does without."""
+    """Checked where it is used, as a frame can do without."""
     cam_t_w2c: Any = None
     """[mm]."""
     cam_model: Any = None
-    """Model of a fisheye camera."""
+    """Parameters of a fisheye camera."""
 
 
 def intrinsics_of(entry: CameraEntry, where: str) -> Float:
     """The matrix (3, 3) [px] of an image's entry in scene_camera.json.
 
     Raises:
-        InputError: there is none, the camera is no pinhole camera, or not one by
-            :func:`~verefine_viz.core.camera.check_intrinsics`.
+        InputError: there is no matrix, or it is not that of a pinhole camera
+            (:func:`~verefine_viz.core.camera.check_intrinsics`).
     """
     K = entry.cam_K
     if K is None and entry.cam_model is not None:
@@ -254,14 +254,14 @@ def intrinsics_of(entry: CameraEntry, where: str) -> Float:
 
 
 def depth_scale_of(entry: CameraEntry, where: str) -> float:
-    """Millimetres per step of an image's depth; InputError where its entry has none."""
+    """Millimetres per step of an image's depth; InputError where its entry lacks them."""
     if entry.depth_scale is None:
         raise InputError(f"{where} has no 'depth_scale', expected millimetres per step of the depth image")
     return entry.depth_scale
 
 
 def intrinsics_notes(K: Float, shape: tuple[int, ...]) -> tuple[str, ...]:
-    """What is odd about a matrix (3, 3) [px] for images of ``shape`` (height, width, …)."""
+    """A note on what is odd about a matrix (3, 3) [px] for images of ``shape`` (height, width, …)."""
     height, width = shape[:2]
     notes: tuple[str, ...] = ()
     if K[0, 1] != 0:

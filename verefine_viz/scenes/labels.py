@@ -1,7 +1,7 @@
-"""Labels: poses of the objects in frames without ground truth, with what verifies each; and the file of them.
+"""Labels: poses of the objects in frames without ground truth, each with its verification; and their file.
 
 A label made by a person is refined, rests on its support and states what is undetermined (docs/methods.md 9). The file
-``labels.json`` is the record of the work: it is read to go on with it, and has who made which pose how.
+``labels.json`` is the record of the work: it is read to continue the work, and says who made which pose, and how.
 """
 
 from __future__ import annotations
@@ -28,41 +28,41 @@ Pose16 = Annotated[tuple[float, ...], Meta(min_length=16, max_length=16)]
 
 
 class Label(Struct, frozen=True, forbid_unknown_fields=True):
-    """The pose of one object of a frame, and what verifies it."""
+    """The pose of one object of a frame, and its verification."""
 
     instance: Annotated[int, Meta(ge=0, le=100_000)]
-    """Which object of its frame; numbers are not used again within a frame."""
+    """Number of the object in its frame; numbers are not reused within a frame."""
     obj_id: Annotated[int, Meta(ge=0)]
     name: str
     T_cam_obj: Pose16
     """By rows [m]."""
     light: Light
-    """green: verified; amber: verified but for what the reasons say; red: something speaks against it."""
+    """green: verified; amber: verified except for the reasons; red: something speaks against it."""
     reasons: tuple[str, ...] = ()
-    """Each short and about the data: "turn about z ±14°: not seen"."""
+    """Short facts about the data: "turn about z ±14°: not seen"."""
     state: State = "proposed"
-    """What the person decided."""
+    """The person's decision."""
     note: str = ""
-    """What the person noted about an uncertain one."""
+    """The person's note about an uncertain label."""
     score: float = 0.0
     """In [0, 1] (Eq. 1)."""
     fit_mm: float = 0.0
     """Mean distance of measured depth to the model where both see the object [mm]."""
     seen: float = 0.0
-    """Share of the drawn object that measured depth shows, in [0, 1]."""
+    """Share of the drawn object that is confirmed by measured depth, in [0, 1]."""
     sinks_mm: float = 0.0
     """How deep it sinks into its support or a neighbour [mm]."""
     undetermined_mm: float = 0.0
-    """The furthest shift that the image does not tell apart [mm]."""
+    """The largest shift that the image cannot distinguish [mm]."""
     undetermined_deg: float = 0.0
-    """The furthest turn [deg]; 180 about an axis of symmetry."""
+    """The largest such turn [deg]; 180 about an axis of symmetry."""
     begun: str = "placed"
-    """Where its pose began: placed, estimated, given (by a person, or a call), or carried from a frame."""
+    """Origin of its pose: placed, estimated, given (by a person, or a call), or carried from a frame."""
     refiner: str = ""
     by: str = ""
     """Who accepted it."""
     at: str = ""
-    """When that was, as 2026-01-31T12:00:00."""
+    """Time of the acceptance, as 2026-01-31T12:00:00."""
     seconds: float = 0.0
     """The program's own time for it [s]."""
 
@@ -73,7 +73,7 @@ class Label(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class LabelsFile(Struct, frozen=True, forbid_unknown_fields=True):
-    """What ``labels.json`` holds."""
+    """Content of ``labels.json``."""
 
     version: Literal[1]
     frames: dict[str, tuple[Label, ...]]
@@ -84,7 +84,7 @@ def read_labels(path: Path) -> dict[str, tuple[Label, ...]]:
     """The labels of a file by frame; none where there is no file.
 
     Raises:
-        InputError: it is damaged, names no frame, has an instance twice, or a pose that is none.
+        InputError: it is damaged, an entry names no frame, an instance occurs twice, or a pose is invalid.
     """
     if not path.exists():
         return {}

@@ -1,4 +1,4 @@
-"""Frames that another program read or wrote, and what the readers of such recordings share."""
+"""Frames that another program read or wrote, and the functions that readers of such recordings share."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from verefine_viz.scenes.image_files import find_image, read_steps
 from verefine_viz.scenes.meshes import FORMATS, Mesh, read_geometry
 
 LABEL = "label.txt"
-"""File beside masks with the number of the object's pixels, where they hold those of several objects."""
+"""File beside masks with the pixel value of the object, where masks hold several objects."""
 MOST_BYTES = 1_000_000
-"""Size of a file with a matrix."""
+"""Largest size of a file with a matrix."""
 LARGEST_M, FARTHEST_MEDIAN_M = 5.0, 60.0
-"""A mesh that is larger, and depth with a median beyond, are in millimetres."""
+"""A larger mesh, or depth with a larger median, is in millimetres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,14 +34,14 @@ class RecordedObject:
 
     name: str
     mesh: Path | Mesh | None
-    """A file, or one that is in memory; None where there is none."""
+    """A mesh file, or a mesh in memory; None where there is none."""
     unit_m: float
     """Metres per unit of the mesh file."""
     mask: Mask | None
     """(H, W); None = the pixels that its first pose covers."""
     hypotheses: tuple[Hypothesis, ...] = ()
     scores: tuple[float | None, ...] = ()
-    """The program's own, of the hypotheses."""
+    """The program's own scores of the hypotheses."""
     steps: tuple[RecordedStep, ...] = ()
     T_cam_obj_gt: Float | None = None
     symmetry_axis: Float | None = None
@@ -59,14 +59,14 @@ class RecordedFrame:
     rgb: NDArray[np.uint8] | None
     objects: tuple[RecordedObject, ...]
     down_cam: Float | None = None
-    """(3,) where things fall, of any length."""
+    """(3,) direction in which things fall, of any length."""
     notes: tuple[str, ...] = ()
     order: tuple[tuple[int, ...], ...] = ()
-    """Clusters in the order to solve them, as indices into ``objects``; empty where the recording has none."""
+    """Clusters in solving order, as indices into ``objects``; empty where the recording gives none."""
 
 
 class Recording(Protocol):
-    """Frames of another program; files are read when they are asked for."""
+    """Frames of another program; files are read when needed."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -80,17 +80,17 @@ class Recording(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """About all frames."""
+        """Notes about all frames."""
         ...
 
     @property
     def is_sequence(self) -> bool:
-        """Whether the frames are in order, as of a video."""
+        """Whether the frames are in order, as in a video."""
         ...
 
     @property
     def has_poses(self) -> bool:
-        """Whether it holds poses of the program whose it is."""
+        """Whether it holds poses by the program that made it."""
         ...
 
     @property
@@ -115,17 +115,17 @@ class LayoutReader(Recording, Protocol):
     """Opens folders of one layout."""
 
     LAYOUT: ClassVar[str]
-    """Whose it is, as shown to the user."""
+    """The program of the layout, as shown to the user."""
     LOOKS_LIKE: ClassVar[str]
     """The names by which it is recognized."""
     NEEDS: ClassVar[tuple[tuple[str, str], ...]]
-    """Files and folders that such a folder always has, each with what it is; none where names are not fixed."""
+    """Files and folders that such a folder always has, each with its meaning; none where names are not fixed."""
 
     def __init__(self, folder: Path) -> None:
         """Open a folder.
 
         Raises:
-            InputError: what all frames share is missing or damaged.
+            InputError: a file that all frames share is missing or damaged.
         """
 
     @staticmethod
@@ -135,9 +135,8 @@ class LayoutReader(Recording, Protocol):
 
 
 def frame_ids(names: Sequence[str]) -> tuple[tuple[int, int], ...]:
-    """(scene, image) of frames that are named so, else scene 0 and a number.
-
-    It is that at the end of each name where each has another, else they count 1, 2, …
+    """(scene, image) of frames with such names, else scene 0 and a number: the one at the end of each name where these
+    are unique, else 1, 2, …
     """
     of_scenes = [re.fullmatch(r"(\d{1,6})/(\d{1,9})", name) for name in names]
     if all(of_scenes):
@@ -148,17 +147,19 @@ def frame_ids(names: Sequence[str]) -> tuple[tuple[int, int], ...]:
     return tuple((0, number) for number in (numbers if is_clear else range(1, len(names) + 1)))
 
 
-# What readers share.
+# Functions that readers share.
 
 
 def natural_key(name: str) -> tuple[tuple[int, str], ...]:
-    """A key to sort names by: numbers in them count as numbers, so that 8, 9, 10 is the order."""
+    """A key that sorts the numbers in names as numbers: 8, 9, 10."""
     parts = re.split(r"(\d{1,18})", name)
     return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in parts)
 
 
 def images_in(folder: Path, pattern: str = "*") -> dict[str, Path]:
-    """The files of a folder that fit a pattern such as ``*-color.png``, by what its star stands for, in order."""
+    """The files of a folder that match a pattern such as ``*-color.png``, by the text in place of the star, in
+    order.
+    """
     before, after = pattern.split("*")
     names = {path.name[len(before) : len(path.name) - len(after)]: path for path in folder.glob(pattern)}
     return {name: names[name] for name in sorted(names, key=natural_key)}
@@ -173,7 +174,7 @@ def image_of(folder: Path, stem: str) -> Path:
 
 
 def depth_of(path: Path) -> tuple[NDArray[np.float32], list[str]]:
-    """Depth (H, W) [m] of an image or an array in millimetres, or, as its median shows, in metres, which is noted."""
+    """Depth (H, W) [m] of an image or array in millimetres; or in metres where its median says so, with a note."""
     values = read_steps(path, 1.0)
     measured = values[values > 0]
     if len(measured) and float(np.median(measured)) <= FARTHEST_MEDIAN_M:
@@ -206,7 +207,7 @@ def numbers_in(path: Path) -> Float:
     """The numbers of a text file, or of an array (.npy), with its shape.
 
     Raises:
-        InputError: they are none, or not finite.
+        InputError: the file holds something else, or they are not finite.
     """
     with reading(path, most_bytes=MOST_BYTES) as file:
         if path.suffix == ".npy":
@@ -228,7 +229,7 @@ def _numbers_of(text: str) -> Float:
 
 
 def matrix_in(path: Path) -> Float:
-    """The matrix (3, 3) of a text file or an array; InputError where it holds another number of numbers."""
+    """The matrix (3, 3) of a text file or an array; InputError where it does not hold nine numbers."""
     values = numbers_in(path)
     if values.size != 9:
         raise InputError(f"{path}: {values.size} numbers, expected 3×3")
@@ -240,7 +241,7 @@ def pose_in(path: Path) -> Float:
 
     Raises:
         InputError: it is none.
-        ShapeError: it is no rigid transform, or not in metres.
+        ShapeError: it is not a rigid transform, or not in metres.
     """
     values = numbers_in(path)
     if values.size not in (12, 16):

@@ -1,4 +1,4 @@
-"""Problems out of what other programs read or recorded, in layouts of their own."""
+"""Makes problems of frames that other programs read or recorded, in layouts of their own."""
 
 from __future__ import annotations
 
@@ -27,32 +27,33 @@ from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, Re
 from verefine_viz.scenes.segments import Segment, draw_placed
 
 NEARER_M = 0.02
-"""What was measured so much nearer than a pose hides it."""
+"""A point measured nearer than a pose by this much hides it."""
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedPose:
-    """What another program answered for an object of a frame."""
+    """The answer of another program for an object of a frame."""
 
     frame: str
     T_cam_obj: Float | None
     """(4, 4) [m]; None where it has no pose."""
     score: float | None = None
-    """Its own, in its own units."""
+    """The program's own score, on its own scale."""
 
 
 KnownModels = dict[tuple[object, ...], tuple[ObjectModel, tuple[str, ...]]]
-"""Models, each with notes on its mesh, by what they are made of."""
+"""Models, each with notes on its mesh, by the data that they are made of."""
 
 
 class RecordedSource:
-    """The frames of a recording that the settings name; the image number is that of its name where it has one.
+    """The frames of a recording that the settings name; the image number is taken from the frame's name where it has
+    one.
 
     Args:
         scene: which frames and objects; ``dataset`` is absolute.
         hypotheses: where initial poses come from.
         given: the recording; None = what lies at ``dataset``.
-        models: gets the models that are made, which it may have already.
+        models: receives the models that are made, and may hold some already.
 
     Raises:
         VerefineError: the folder holds nothing of the kind, or a frame or an object does not exist.
@@ -97,7 +98,7 @@ class RecordedSource:
         self._names = {frame_name(one): name for one, name in zip(ids, recording.names, strict=True)}
         """The recording's name of each frame."""
         self._obj_ids = {**recording.objects}
-        self._tracks: Mapping[int, tuple[RecordedPose, ...]] | None = None  # Traces may have come since.
+        self._tracks: Mapping[int, tuple[RecordedPose, ...]] | None = None  # Traces may have been added since.
 
     @property
     def is_sequence(self) -> bool:
@@ -110,7 +111,9 @@ class RecordedSource:
 
     @property
     def tracks(self) -> Mapping[int, tuple[RecordedPose, ...]]:
-        """By obj_id what was recorded over the frames of a sequence, in order; empty where they are none."""
+        """The recorded answers by obj_id over the frames of a sequence, in order; empty where frames are not a
+        sequence.
+        """
         if not self.is_sequence:
             return {}
         if self._tracks is None:
@@ -131,7 +134,7 @@ class RecordedSource:
         return ()
 
     def problem(self, frame: str, progress: ProgressToken = NEVER_CANCELLED) -> Problem:
-        """See :class:`SceneSource`; also of a trace that came since."""
+        """See :class:`SceneSource`; includes a trace that was added since."""
         if frame not in self._names:
             self._read()
         self._check_frame(frame)
@@ -246,7 +249,7 @@ def _turns(axis: Float, mesh: Mesh, name: str) -> Float:
 def _mask_of(
     one: RecordedObject, model: ObjectModel, camera: Camera, recorded: RecordedFrame, notes: list[str]
 ) -> Mask:
-    """The object's mask; where it has none the pixels that its first pose covers and nothing nearer hides.
+    """The object's mask; without one, the pixels that its first pose covers and nothing nearer hides.
 
     Raises:
         InputError: there is neither a mask nor a pose in the image.

@@ -1,6 +1,6 @@
 """BOP results files: ``scene_id,im_id,obj_id,score,R,t,time``, one estimated pose a line, millimetres.
 
-:func:`read_lines` takes the lines that the official toolkit's format check takes; a byte order mark is read over.
+:func:`read_lines` accepts the lines that the official toolkit's format check accepts; a byte order mark is skipped.
 :func:`read_poses` wants more: poses and scores must be numbers and R near a rotation. A line that cannot be used is
 left out, and a note names the first.
 """
@@ -40,7 +40,7 @@ class ResultRow:
 
 @dataclass(frozen=True, eq=False)
 class ResultLine:
-    """One estimate as it is written: any nine and three numbers."""
+    """One estimate as in the file: any nine and three numbers."""
 
     number: int
     """Number of the line in its file, from 1."""
@@ -61,9 +61,9 @@ class ResultLines:
 
     lines: tuple[ResultLine, ...]
     faults: Mapping[int, str]
-    """By its number what is wrong with each line that is left out."""
+    """What is wrong with each line that is left out, by line number."""
     other_times: tuple[str, ...]
-    """Lines with another time than the first one of their image, which counts for it."""
+    """Lines whose time differs from that of the first line of their image, which is the one that counts."""
 
     def time_notes(self, path: Path) -> tuple[str, ...]:
         """A note about the times of the file at ``path``."""
@@ -79,7 +79,7 @@ class ResultLines:
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """The estimates of a file of any format, in its order."""
+    """The estimates of a results file of any format, in the file's order."""
 
     rows: tuple[ResultRow, ...]
     left_out: tuple[str, ...] = ()
@@ -120,7 +120,7 @@ def read_results(path: Path | str) -> tuple[ResultRow, ...]:
     """All estimates of a file that this program wrote, and may write again.
 
     Raises:
-        InputError: as :func:`read_poses`, or a line holds no pose: it would be lost.
+        InputError: as :func:`read_poses`, or a line holds no pose and would be lost.
     """
     read = read_poses(path)
     if read.left_out:
@@ -129,7 +129,7 @@ def read_results(path: Path | str) -> tuple[ResultRow, ...]:
 
 
 def read_lines(path: Path | str) -> ResultLines:
-    """The lines of a results file that the official format check accepts, and what is wrong with the others.
+    """The lines of a results file that the official format check accepts, with what is wrong with the others.
 
     Raises:
         InputError: the file is missing or empty, has another header, or no line can be used; the number of the first
@@ -142,7 +142,7 @@ def read_lines(path: Path | str) -> ResultLines:
 
 def _lines_of(raw: bytes, path: Path) -> ResultLines:
     try:
-        # Line breaks as Python reads text: of any system.
+        # Line breaks of any system, as Python reads text.
         text = raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
         raise ContentError(f"no text file, expected a BOP results CSV ({HEADER})") from None
@@ -178,7 +178,8 @@ def _lines_of(raw: bytes, path: Path) -> ResultLines:
 
 
 def write_results(path: Path | str, rows: Iterable[ResultRow]) -> None:
-    """Writes a results file; it appears under its name only when it is complete. Numbers have all their digits.
+    """Writes a results file; it appears under its name only when it is complete. Numbers are written with all their
+    digits.
 
     Raises:
         InputError: the file cannot be written.
@@ -189,7 +190,7 @@ def write_results(path: Path | str, rows: Iterable[ResultRow]) -> None:
 
 
 def method_of(path: Path | str) -> str:
-    """The method's name in a results file's name: ``cosypose`` of ``cosypose_ycbv-test.csv``."""
+    """The method's name in a results file's name: ``cosypose`` in ``cosypose_ycbv-test.csv``."""
     stem = Path(path).stem
     named = re.match(r"(.+?)_[^_]+-(?:test|val|train)[^_]*(?:_.*)?$", stem)
     return named.group(1) if named else stem
@@ -229,13 +230,13 @@ def _line_of(line: str, number: int, where: str) -> ResultLine:
 
 
 def _is_header(line: str) -> bool:
-    """Whether a line is made of names: nothing in it is a number."""
+    """Whether a line is a header: nothing in it is a number."""
     words = re.split(r"[,;\s]+", line.strip())
     return all(re.fullmatch(r"[^\W\d]\w*", word) for word in words)
 
 
 def _hint(path: Path) -> str:
-    """Where the poses of a batch are, for its table of objects that was taken for them."""
+    """A hint at the poses of a batch, where its table of objects was given in their place."""
     poses = path.with_name("results.csv")
     return f"; the poses of this run are in {poses}" if path.name == "frames.csv" and poses.is_file() else ""
 

@@ -1,4 +1,4 @@
-"""A stereo depth sensor: what it makes of perfect depth. Same arguments, same bits.
+"""A stereo depth sensor, simulated from perfect depth. Same arguments, same bits.
 
 The error is made where such a sensor makes it, in disparity: ``disparity = focal length · baseline / z``. An error of σ
 pixels becomes ``z² / (f·b) · σ`` metres, so noise and quantisation steps both grow with z².
@@ -22,20 +22,20 @@ DEPTH_UNIT_M = 1e-4
 
 @dataclass(frozen=True)
 class Sensor:
-    """How good the sensor is. The defaults are those of a good stereo camera on a table at 0.7 m."""
+    """Quality of the sensor. The defaults are those of a good stereo camera that sees a table at 0.7 m."""
 
     baseline_m: float = 0.055
-    """Distance of its two eyes [m]."""
+    """Baseline: the distance of its two cameras [m]."""
     noise_px: float = 0.05
     """Standard deviation of the disparity error [px]: 0.8 mm at 0.7 m with f = 570 px."""
     noise_grain_px: float = 1.2
-    """Neighbouring pixels share their error over about this distance [px]: matching uses windows."""
+    """Correlation length of the errors of neighbouring pixels [px]: matching uses windows."""
     disparity_step_px: float = 1 / 32
     """Quantisation of disparity [px]: 0.5 mm at 0.7 m; 0 = none."""
     edge_dropout: float = 0.6
     """Share of pixels at depth jumps that are not measured."""
     edge_jump_m: float = 0.015
-    """What counts as a depth jump within a 3 × 3 window, on top of what a slanted surface does [m]."""
+    """Least depth jump within a 3 × 3 window, beyond the change by a slanted surface [m]."""
     grazing_start_deg: float = 70.0
     """Angle between ray and surface normal from which on pixels drop out …"""
     grazing_end_deg: float = 86.0
@@ -52,14 +52,14 @@ def sense(
     seed: int | Sequence[int],
     sensor: Sensor = STEREO,
 ) -> NDArray[np.float32]:
-    """The depth image (H, W) [m] that ``sensor`` gives for a scene; 0 where nothing was measured.
+    """The depth image (H, W) [m] of a scene by ``sensor``; 0 where nothing was measured.
 
     Args:
         depth_m: true z, (H, W) [m]; 0 where there is nothing.
         normals_cam: (H, W, 3) true unit normals towards the camera.
         camera: intrinsics.
         seed: of noise and drop-outs.
-        sensor: how good it is.
+        sensor: its quality.
     """
     # One stream per effect, so that switching one off leaves the others as they were.
     noise_rng, edge_rng, grazing_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3))
@@ -93,7 +93,7 @@ def _edge_mask(z: NDArray, sensor: Sensor) -> Mask:
     limit = sensor.edge_jump_m * inv * inv
     jump[:, 1:-1] |= np.abs(inv[:, 2:] - 2 * inv[:, 1:-1] + inv[:, :-2]) > limit[:, 1:-1]
     jump[1:-1] |= np.abs(inv[2:] - 2 * inv[1:-1] + inv[:-2]) > limit[1:-1]
-    # Where nothing lies beside something, 1/z falls to 0, and the edge is there as well.
+    # Where an object borders on empty pixels, 1/z falls to 0, which is an edge, too.
     missing = minimum_filter(z > 0, size=3) != maximum_filter(z > 0, size=3)
     return (jump | missing) & (z > 0)
 

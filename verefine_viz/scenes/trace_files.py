@@ -31,7 +31,7 @@ MOST_BYTES, MOST_OBJECTS, MOST_HYPOTHESES, MOST_STEPS = 200_000_000, 100, 1000, 
 """Limits of the calls of a trace; hypotheses and steps are those of one object."""
 Number = Annotated[int, Meta(ge=-(2**31), le=2**31)]
 QUIET_S = 5.0
-"""A trace that was not closed counts as over when nothing was written for so long [s]."""
+"""A trace that was not closed counts as over when nothing was written for this long [s]."""
 NOT_CLOSED = "the trace was cut short: its program still runs, or was stopped"
 """A note."""
 
@@ -49,7 +49,7 @@ class Call(msgspec.Struct, frozen=True):
     name: Annotated[str, Meta(max_length=200)] = ""
     """Name of the object, or of the step."""
     mesh: Annotated[str, Meta(max_length=300)] | None = None
-    """Beside this an object has a unit, a mask and a ground truth."""
+    """Besides its mesh, an object has a unit, a mask and a ground truth."""
     unit_m: Annotated[float, Meta(gt=0, le=1000)] = 1.0
     mask: Annotated[str, Meta(max_length=300)] = ""
     truth: Numbers4x4 | None = None
@@ -94,7 +94,7 @@ def written_ns(folder: Path) -> dict[int, int]:
     """When each trace of a folder was last written to [ns since 1970], by its image number."""
     traces = traces_in(folder)
     ids = frame_ids([path.resolve().name for path in traces])
-    # A copy that keeps the times of what was copied cannot keep this one.
+    # The change time: a copy can keep the other times of a file, but not this one.
     return {number: (path / CALLS).stat().st_ctime_ns for (_, number), path in zip(ids, traces, strict=True)}
 
 
@@ -123,7 +123,7 @@ def _is_fresh(path: Path) -> bool:
 
 @lru_cache(maxsize=10_000)
 def _summary(folder: Path, changed_ns: int, size: int) -> tuple[bool, tuple[str, ...]]:
-    """Whether a trace was closed, and the files that it names, as of a time."""
+    """Whether a trace was closed, and the files that it names, at a time."""
     calls, _ = _calls(folder)
     named = ["depth.npy", *(["rgb.npy"] if calls[0].rgb else [])]
     named += [name for call in calls if call.mesh is not None for name in (call.mesh, call.mask) if name]
@@ -170,7 +170,7 @@ def _is_rigid(T: Float) -> bool:
 
 
 def _poses_by_name(calls: Sequence[Call]) -> dict[str, list[tuple[Call, Float]]]:
-    """The calls about poses, and the poses (4, 4) [m], of each object that has any."""
+    """The calls about poses, with the poses (4, 4) [m], of each object that has any."""
     poses: dict[int | None, list[tuple[Call, Float]]] = {}
     for call in calls:
         if call.T is not None:
@@ -179,7 +179,7 @@ def _poses_by_name(calls: Sequence[Call]) -> dict[str, list[tuple[Call, Float]]]
 
 
 def read_trace(folder: Path) -> RecordedFrame:
-    """The frame of a trace and all that was recorded in it; what cannot be used becomes a note.
+    """The frame of a trace and all that was recorded in it; unusable records become notes.
 
     Raises:
         InputError: there is no trace, it is of another version, or its images are damaged or missing.
@@ -282,7 +282,7 @@ def _nearest(poses: Mapping[int, Sequence[tuple[Call, Float]]], T_cam_obj: Float
 
 
 def _calls(folder: Path) -> tuple[list[Call], list[str]]:
-    """What the calls wrote, the line about the frame first; and a note about lines that are not whole."""
+    """The lines of a trace, the one about the frame first; and a note about incomplete lines."""
     if not is_trace(folder):
         raise InputError(f"{folder} holds no trace; expected the folder that verefine_viz.trace.Trace was given")
     calls: list[Call] = []
@@ -323,7 +323,7 @@ def _loaded(path: Path, dtype: DTypeLike) -> NDArray[Any]:
 
 
 def _mask_in(path: Path) -> NDArray[Any]:
-    """The pixels of one object, of whole numbers all that are not 0."""
+    """The pixels of one object: in an image of whole numbers, all that are not 0."""
     with reading(path, most_bytes=MOST_BYTES) as file, NPZ_READING:
         values = np.load(file, allow_pickle=False)
         if not isinstance(values, np.ndarray) or values.dtype.kind not in "iu":

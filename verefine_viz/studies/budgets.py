@@ -1,4 +1,4 @@
-"""How often each refiner may be called, as the paper has it (Sec. V): the one table that all studies read."""
+"""Number of calls of each refiner in the paper (Sec. V): the one table that all studies read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from verefine_viz.studies.study_plan import Settings, StudyCurve
 
 GEOMETRY = {"colour_weight": 0.0}
-"""Settings of the score: Eq. 1 of the paper has depth and normals, whatever the session weighs besides."""
+"""Settings of the score: the paper's Eq. 1 has depth and normals only, whatever else the session weighs."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Budget:
     refiner: str
     """Its name in the settings."""
     name: str
-    """As the paper calls it."""
+    """Its name in the paper."""
     calls: int
     """K, refiner calls per hypothesis."""
     hypotheses: int
@@ -29,7 +29,7 @@ class Budget:
     steps: int
     """Simulation steps of an iteration."""
     source: str
-    """Where the paper has these numbers."""
+    """Place of these numbers in the paper."""
     own: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """Further settings by section."""
     vf_depth_exploration: float | None = None
@@ -59,14 +59,16 @@ class Budget:
         return StudyCurve(label, {**self.own, "method": of_method, "physics": {"steps": self.steps}}, self.inner)
 
     def alone(self, label: str, iterations: int) -> StudyCurve:
-        """The refiner without physics, for so many iterations as the paper counts them: ICP runs them in one call."""
+        """The refiner without physics, for a number of iterations as the paper counts them: ICP runs them in one
+        call.
+        """
         if self.inner == 1:
             return self.curve(label, "refine", iterations)
         icp = {**self.own["icp"], "max_iterations": iterations}
         return StudyCurve(label, {**_settings(self.curve(label, "refine", 1)), "icp": icp}, iterations)
 
     def search(self, label: str, calls: int, most_calls: int | None = None) -> StudyCurve:
-        """PHYSIM-MCTS with so many expansions per object, or so many refiner calls; time is no limit."""
+        """PHYSIM-MCTS with a number of expansions per object, or of refiner calls; time is no limit."""
         mcts = {"expansions": calls, "seconds": None}
         settings = {**_settings(self.curve(label, "physim_mcts")), "mcts": mcts}
         return StudyCurve(label, settings, self.inner, most_calls)
@@ -117,6 +119,6 @@ BUDGETS = {
 
 
 def budget_of(refiner: str) -> Budget:
-    """The paper's budget; a refiner that the paper does not have gets as many calls as DF-R."""
+    """The paper's budget; a refiner that is not in the paper gets as many calls as DF-R."""
     calls = "none in the paper: as many calls as DF-R"
     return BUDGETS.get(refiner) or Budget(refiner, refiner, calls=2, hypotheses=5, inner=1, steps=3, source=calls)

@@ -1,7 +1,7 @@
-"""What the outcomes of a study show: means with intervals, and whether the paper's claims hold.
+"""Evaluates the outcomes of a study: means with intervals, and whether the paper's claims hold.
 
-An interval is that of other frames with other objects: both are drawn with replacement (evaluation/bootstrap.py). All
-errors and seeds of an object in a frame go along with it: they are no further objects.
+An interval covers other frames with other objects: both are drawn with replacement (evaluation/bootstrap.py). All
+errors and seeds of an object in a frame are drawn together: they are not further objects.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from verefine_viz.studies.solve_unit import UnitAnswer
 from verefine_viz.studies.study_plan import Claim, Metric, Panel, Study
 
 FEWEST = 6
-"""Objects in frames that a verdict needs: five of pure chance all have the same sign once in 16 times, and a bootstrap
-of them would then be sure."""
+"""Fewest objects in frames for a verdict: by pure chance five have the same sign once in 16 times, and a bootstrap of
+them would then be certain."""
 MOST_DIGITS = 4
 """Decimals of a difference in points of AR."""
 
 Points = Mapping[tuple[str, str, float], Sequence[UnitAnswer]]
 """Outcomes by panel, curve and x."""
 Case = tuple[float, str, str, int | None, int | None]
-"""What two curves have alike: x, scene, frame, object and seed."""
+"""Key by which two curves are paired: x, scene, frame, object and seed."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class ClaimVerdict:
 
     claim: Claim
     spread: Spread
-    """Mean of the better less that of the worse, over the claim's x; less the same of ``claim.than``, where it names
-    another panel."""
+    """Mean of the better minus that of the worse, over the claim's x; minus the same difference in the panel
+    ``claim.than``, if any."""
     n_objects: int
-    """Objects in frames, of which the interval is made."""
+    """Number of objects in frames behind the interval."""
 
     @property
     def word(self) -> str:
@@ -66,7 +66,7 @@ class ClaimVerdict:
 
     @property
     def numbers(self) -> str:
-        """The difference and its interval in points, with as many digits as it takes to tell them from 0."""
+        """The difference and its interval in points, with as many digits as they need to differ from 0."""
         s = self.spread
         known = [round(100 * v, MOST_DIGITS) + 0.0 for v in (s.value, s.low, s.high) if v is not None]  # no -0.0
         digits = next((d for d in range(1, MOST_DIGITS) if all(v == 0 or round(v, d) != 0 for v in known)), MOST_DIGITS)
@@ -75,7 +75,7 @@ class ClaimVerdict:
 
     @property
     def about(self) -> str:
-        """What is compared, with the metric and the x where they are not AR and all."""
+        """The comparison in words, with metric and x unless they are AR and all."""
         c = self.claim
         of = "" if c.metric == "ar" else f" in {c.metric.removeprefix('ar_').upper()}"
         to_x = f" up to {c.to_x:g}" if np.isfinite(c.to_x) else ""
@@ -88,7 +88,7 @@ class ClaimVerdict:
 
 
 def points_of(outcomes: Iterable[UnitAnswer]) -> Points:
-    """The outcomes sorted into the points of the curves, in the order they come in; without missing ones."""
+    """The outcomes by point of the curves, in their order of arrival, without missing ones."""
     points: dict[tuple[str, str, float], list[UnitAnswer]] = {}
     for o in outcomes:
         if not o.missing:
@@ -97,12 +97,12 @@ def points_of(outcomes: Iterable[UnitAnswer]) -> Points:
 
 
 def missing_curves(outcomes: Iterable[UnitAnswer]) -> dict[tuple[str, str], str]:
-    """Why a curve of a panel has no answer in at least one frame, by panel and curve."""
+    """Why a curve lacks an answer in at least one frame, by panel and curve."""
     return {(o.panel, o.curve): o.missing for o in outcomes if o.missing}
 
 
 class _Objects:
-    """The frames (or scenes, where they are many) and object models of a panel, and the draws of them."""
+    """The frames (or scenes, where there are many) and object models of a panel, with their bootstrap draws."""
 
     def __init__(self, panel: Panel, points: Points) -> None:
         mine = [o for (name, _, _), outcomes in points.items() if name == panel.name for o in outcomes]
@@ -141,7 +141,7 @@ def _line(panel: Panel, label: str, points: Points, objects: _Objects) -> PanelL
         answers = points.get((panel.name, label, x), ())
         s = objects.draws.mean(objects.cells((o, o.recall("ar")) for o in answers))
         value = np.nan if s is None else s.value
-        # Of a single object there is no interval.
+        # A single object has no interval.
         ends.append((value, value, value) if s is None or s.low is None or s.high is None else (value, s.low, s.high))
     means, low, high = np.array(ends).T
     return PanelLine(label, np.array(panel.xs), means, low, high)
@@ -169,7 +169,7 @@ def verdicts(panel: Panel, points: Points) -> list[ClaimVerdict]:
 
 
 def _pairs(panel: str, claim: Claim, points: Points) -> dict[Case, tuple[UnitAnswer, UnitAnswer]]:
-    """Answers of the claim's two curves in a panel, by what both have."""
+    """Pairs of answers of the claim's two curves in a panel."""
     better, worse = (_by_case(panel, label, claim, points) for label in (claim.better, claim.worse))
     return {case: (better[case], worse[case]) for case in better.keys() & worse.keys()}
 

@@ -18,7 +18,7 @@ from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.scenes.hypothesis_pool import perturbed
 
 _RECTANGLE = (0.1, 0.35)
-"""Sides of a rectangle as a share of the sides of the object's bounding box: smallest, largest."""
+"""Smallest and largest sides of a rectangle, as a share of the sides of the object's bounding box."""
 
 
 def disturbed(problem: Problem, n: int, rotation_deg: float, translation_mm: float, seed: int) -> Problem:
@@ -54,7 +54,7 @@ def on_true_plane(problem: Problem) -> Problem:
     """The frame with the plane on which the objects really stand, by their ground-truth poses, as its support.
 
     Raises:
-        InputError: no object has a ground-truth pose, or they rest on no plane that is seen.
+        InputError: no object has a ground-truth pose, or they rest on no visible plane.
     """
     known = with_ground_truth(problem)
     support = FrameGroundTruth(known).support
@@ -74,7 +74,7 @@ def _disturbed(
 
 
 def _seeds(i: Instance, problem: Problem, seed: int) -> tuple[int, ...]:
-    """Another one for each object of each frame; the object's id is in it as all built-in scenes are scene 0."""
+    """A seed for each object of each frame; it includes the object's id, as all built-in scenes are scene 0."""
     return seed, problem.scene_id, problem.im_id, i.instance_id, i.obj_id
 
 

@@ -1,4 +1,4 @@
-"""Figures as one prints them: as wide as a column, as PNG, SVG and PDF. What they show is said beside them."""
+"""Figures for print: as wide as a column, as PNG, SVG and PDF, without captions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WIDTH_IN = 3.45
 ROW_IN = 1.95
 """Height of a row of diagrams, with its legend [in]."""
 GAP_PT = 5.0
-"""Least space between the columns of a table, whose letters get smaller for it [pt]."""
+"""Least space between the columns of a table, whose letters shrink if needed [pt]."""
 LINE_IN = 0.135
 """Height of a line of a table [in]."""
 DPI = 300
@@ -37,7 +37,7 @@ STYLE: dict[Any, Any] = {
     "ytick.major.size": 2.5,
     "pdf.fonttype": 42,
 }
-"""Letters as those of a caption; in PDF they are text."""
+"""Letters as in a caption; in PDF they stay text."""
 LEGEND: dict[str, Any] = {
     "loc": "outside lower center",
     "frameon": False,
@@ -46,9 +46,9 @@ LEGEND: dict[str, Any] = {
     "columnspacing": 1.0,
 }
 MOST_COLUMNS = 5
-"""Names in one line of a legend; more of them take two."""
+"""Most names in one line of a legend; more take two lines."""
 COLORS = ("#8a8a8a", "#e69f00", "#56b4e9", "#0072b2", "#d55e00", "#cc79a7", "#b8a500", "#009e73")
-"""After Okabe and Ito, safe for colour-blind readers; a method has the same in every diagram."""
+"""After Okabe and Ito, safe for colour-blind readers; a method has the same colour in every diagram."""
 MARKERS = "osD^vPXp"
 
 
@@ -61,15 +61,15 @@ class Diagram:
     y_label: str
     lines: Sequence[PanelLine]
     main: str = ""
-    """Label of the line that sums up the others: black and thick."""
+    """Label of the line that sums up the others, drawn black and thick."""
 
 
 def draw_curves(diagrams: Sequence[Diagram], mark: str = "") -> Figure:
-    """Two diagrams a row; those of a row share their legend.
+    """A figure with two diagrams per row, which share a legend.
 
     Args:
         diagrams: from the top left on.
-        mark: why this is not the whole study, small above everything: a quick one, or a part.
+        mark: why this is not the whole study, in small letters on top: a quick one, or a part.
     """
     pairs = [diagrams[k : k + 2] for k in range(0, len(diagrams), 2)]
     labels = list(dict.fromkeys(_method(line.label) for diagram in diagrams for line in diagram.lines))
@@ -107,7 +107,7 @@ def _curves(axes: Axes, diagram: Diagram, labels: Sequence[str]) -> None:
     for line in diagram.lines:
         k, is_main = labels.index(_method(line.label)), line.label == diagram.main
         color = "black" if is_main else COLORS[k % len(COLORS)]
-        # All bands lie below all lines, so light that several of them leave the lines alone.
+        # All bands lie below all lines, so light that several of them do not hide a line.
         axes.fill_between(line.xs, 100 * line.low, 100 * line.high, color=color, alpha=0.07, lw=0, zorder=1)
         marker = MARKERS[k % len(MARKERS)]
         lw, order = (1.6, 4) if is_main else (0.9, 3)
@@ -119,7 +119,7 @@ def _curves(axes: Axes, diagram: Diagram, labels: Sequence[str]) -> None:
 
 
 def draw_tables(tables: Sequence[PrintedTable], mark: str = "") -> Figure:
-    """Tables one below the other."""
+    """A figure with tables, one below another."""
     n_lines = sum(len(table.rows) + 3.2 for table in tables) + bool(mark)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH_IN, LINE_IN * n_lines), dpi=DPI)
@@ -167,12 +167,12 @@ def _width_pt(text: str) -> float:
 
 
 def save(figure: Figure, folder: Path, name: str) -> tuple[Path, ...]:
-    """As ``name.png``, ``name.svg`` and ``name.pdf``.
+    """Write ``name.png``, ``name.svg`` and ``name.pdf``.
 
     Raises:
         InputError: they cannot be written.
     """
-    # The same study gives the same files.
+    # No dates in the files: the same study gives the same files.
     metadata: Mapping[str, Mapping[str, None]] = {
         "png": {"Software": None},
         "svg": {"Date": None},

@@ -9,7 +9,7 @@ from verefine_viz.core.console import PrintedTable
 MATH = {"VF_b": "VF$_b$", "VF_d": "VF$_d$", "r̄": r"$\bar{r}$", "t̄": r"$\bar{t}$"}
 """Names that are set as formulas, in LaTeX and in figures."""
 TEX = MATH | {"&": r"\&", "%": r"\%", "#": r"\#", "°": r"$^\circ$", "–": "--", "<": "$<$", "_": r"\_"}
-"""What LaTeX spells otherwise; longer keys stand before those that they contain."""
+"""Replacements for LaTeX; longer keys come before those that they contain."""
 
 
 def markdown(table: PrintedTable) -> str:

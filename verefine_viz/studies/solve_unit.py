@@ -1,4 +1,4 @@
-"""One unit of a study: a frame as it is at one x and seed, solved by every curve of the panel."""
+"""One unit of a study: a frame at one x and seed, solved by every curve of the panel."""
 
 from __future__ import annotations
 
@@ -32,12 +32,13 @@ class UnitAnswer(Struct, frozen=True, kw_only=True):
     scene: str
     curve: str
     answer: Answer
-    """As a batch has it: object, frame, seed, pose, errors and recalls. Failed: the curve's refiner lacks its weights,
-    or they do not know the object; its message says which."""
+    """The answer as in a batch: object, frame, seed, pose, errors and recalls. Failed where the curve's refiner lacks
+    its weights, or these do not know the object; the message says which."""
     ms: float = 0.0
-    """Time of the whole frame, shared equally by its objects; without what is compiled once."""
+    """Time of the whole frame, shared equally by its objects, without one-time compilation."""
     refiner_calls: float = 0.0
-    """Calls of the whole frame, shared equally, times what a call counts as; of a tree search with its roll-outs."""
+    """Refiner calls of the whole frame, shared equally, times the weight of a call; those of a tree search include
+    roll-outs."""
     grasp: str = ""
     """How a grasp with the answer ends, where it was tried; "no answer" without one."""
 
@@ -47,12 +48,12 @@ class UnitAnswer(Struct, frozen=True, kw_only=True):
         return self.answer.message if self.answer.status == "failed" else ""
 
     def recall(self, metric: Metric) -> float:
-        """The share of BOP's thresholds that the answer passes; no answer passes none."""
+        """The share of BOP's thresholds that the answer passes; 0 without an answer."""
         return getattr(self.answer, metric) or 0.0
 
 
 class Solver:
-    """Solves units of one study; caches the scenes, and the last frame it has read. Belongs to one process."""
+    """Solves units of one study; caches the scenes and the last frame read. Belongs to one process."""
 
     def __init__(
         self, sessions: Mapping[str, Session], panels: Sequence[Panel], progress: ProgressToken = NEVER_CANCELLED
@@ -96,7 +97,7 @@ class Solver:
         return tuple(outcomes)
 
     def _grasping(self, unit: Unit, frame: Problem) -> GraspScene:
-        """The frame with the gripper, made once as long as frames do not change; checked before anything is solved.
+        """The frame with the gripper, made once per frame; checked before anything is solved.
 
         Raises:
             InputError: the gripper fits no object of the frame.
@@ -108,7 +109,7 @@ class Solver:
         return self._grasp_scene[1]
 
     def _ready(self, toolbox: Toolbox, problem: Problem) -> Refiner:
-        """The curve's refiner, which has seen every object: what is built once per model is not counted as time.
+        """The curve's refiner, warmed up on every object, so that building once per model does not count as time.
 
         Raises:
             InputError, UnavailableError: its weights are missing, or do not know an object.
@@ -122,8 +123,10 @@ class Solver:
         return refiner
 
     def _refiner(self, toolbox: Toolbox) -> Refiner:
-        """The toolbox's, shared by all curves with the same settings: its index of each model takes long to build."""
-        # A refiner reads the section of its own, whatever that is called; curves differ in these three besides.
+        """The toolbox's refiner, shared by all curves with the same settings, as its index of each model takes long to
+        build.
+        """
+        # A refiner reads its own section, whatever its name; besides, curves differ in these three.
         own = Session()
         shared = structs.replace(toolbox.session, method=own.method, score=own.score, physics=own.physics)
         key = toolbox.session.method.refiner, msgspec.json.encode(shared)
@@ -137,7 +140,7 @@ class Solver:
 
 @dataclass(frozen=True)
 class _Point:
-    """What all answers of a curve at one unit have in common."""
+    """The data that all answers of a curve in one unit share."""
 
     unit: Unit
     curve: StudyCurve
@@ -163,7 +166,7 @@ class _Point:
         ]
 
     def missing(self, why: str) -> list[UnitAnswer]:
-        """One for each object, all without an answer."""
+        """An outcome for each object, all without an answer."""
         return [
             self._row(Answer(**self._facts(target), status="failed", message=why)) for target in self.problem.targets
         ]
@@ -197,7 +200,7 @@ def _poses(toolbox: Toolbox, problem: Problem, counted: _Counted, most_calls: in
         toolbox: with the method.
         problem: what is solved.
         counted: its refiner.
-        most_calls: of a tree search, whose clusters do not know of each other: no iteration begins after so many
+        most_calls: of a tree search, whose clusters do not know of each other: no iteration begins after this many
             refiner calls per object.
     """
     parts = [problem] if most_calls is None else [problem.only(cluster) for cluster in problem.clusters]

@@ -1,4 +1,4 @@
-"""What ``verefine-viz study`` does: runs a study, writes CSV and figures, and prints which claims hold."""
+"""The command ``verefine-viz study``: runs a study, writes CSV and figures, and prints which claims hold."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ from verefine_viz.studies.study_report import About, report_curves, report_table
 from verefine_viz.studies.study_request import StudyRequest
 
 SCENES = ("mug", "duck", "bracket", "bowl", "clutter")
-"""Built-in scenes that are used where no session is given."""
+"""Built-in scenes for studies without a given session."""
 TABLE_SCENES = (*SCENES, "stack")
-"""Scenes for tables, whose methods of whole scenes differ only where objects touch."""
+"""Scenes for tables; methods for whole scenes differ only where objects touch."""
 QUICK_SCENES, QUICK_FRAMES = ("duck", "bowl", "stack"), ("0/0",)
 """Their six objects are just enough for verdicts."""
 GRASP_SCENE = "clutter"
 """Scene of grasping: its objects stand close together, and the gripper can hold five of the six."""
 CURVES = ("ablation", "robustness")
 PRESET = "published"
-"""With built-in scenes. With the recommended settings every method finds nearly every pose in them: the wider gate of
-the refiner leaves little difference between methods."""
+"""Settings for built-in scenes. With the recommended ones every method finds nearly every pose in them: the wider gate
+of the refiner leaves little difference between methods."""
 SEEDS, QUICK_SEEDS = 5, 3
 GRASP_SEEDS = 5, 1
-"""Trials of each object as it lies, and turned: ten in the paper's Table IV."""
+"""Trials of each object as it lies, and as many turned: ten in the paper's Table IV."""
 RENDERED = ("demo", "layout")
 """Sources of scenes whose objects can be turned."""
 MOST_FAILURES = 5
-"""Failed runs that are printed; the others are counted."""
+"""Most failed runs that are printed; the others are counted."""
 TURNED = "turned"
-"""Follows the name of a scene whose objects are turned."""
+"""Suffix of the name of a scene whose objects are turned."""
 
 
 def run_one(
@@ -56,7 +56,7 @@ def run_one(
     seeds: int | None = None,
     workers: int = 1,
 ) -> int:
-    """Runs a study into ``out``. Stopped by Ctrl-C, it writes what it has before it ends.
+    """Runs a study into ``out``. Stopped by Ctrl-C, it first writes the results so far.
 
     Returns:
         The exit code: 0, or 1 where a run failed.
@@ -72,7 +72,7 @@ def run_one(
     of_study = GRASP_SEEDS if name == "grasping" else (SEEDS, QUICK_SEEDS)
     n_seeds = seeds if seeds is not None else of_study[quick]
     if request.own_initial_poses and name == "tables":
-        n_seeds = 1  # nothing is drawn
+        n_seeds = 1  # Nothing is drawn.
     folder, n_done, n_all = out / f"{name}.journal", 0, 0
     check_no_link(folder)
     try:
@@ -125,12 +125,14 @@ def _write_results(
 
 
 def scenes(study: str, session: Path | None, overrides: Mapping[str, Any], quick: bool) -> dict[str, Session]:
-    """The session's scene, or built-in ones that suit this study, by name; of grasping also with its objects turned."""
+    """The session's scene, or built-in ones that suit this study, by name; for grasping also with its objects
+    turned.
+    """
     if study == "tables":
         overrides = _with(overrides, "hypotheses", {"max_per_object": MOST_HYPOTHESES})
     scene = overrides.get("scene", {})
     if study in CURVES and session is None and scene.get("source", "demo") == "demo":
-        # The paper's, whose weights in the package know the built-in objects.
+        # The paper's refiner, whose weights in the package know the built-in objects.
         overrides = _with(overrides, "method", {"refiner": "densefusion", **overrides.get("method", {})})
     if session is not None or scene:
         one = load_session(session, dict(overrides))
@@ -166,7 +168,7 @@ def _with_turned(name: str, session: Session) -> dict[str, Session]:
 
 
 def write_objects(outcomes: Sequence[UnitAnswer], path: Path) -> None:
-    """Everything: a row per curve, x, seed, frame and object."""
+    """All outcomes: a row per curve, x, seed, frame and object."""
     write_rows(path, [_row(outcome) for outcome in outcomes])
 
 

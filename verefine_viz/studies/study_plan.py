@@ -22,12 +22,12 @@ class StudyCurve:
 
     label: str
     settings: Settings | None
-    """Sections ``method``, ``icp``, ``tricp``, ``mcts``, ``physics``, ``score``; None: the first initial pose is the
-    answer, unrefined."""
+    """Changed sections ``method``, ``icp``, ``tricp``, ``mcts``, ``physics``, ``score``; None: the first initial pose
+    is the answer, unrefined."""
     inner: int = 1
-    """What a refiner call counts as: its inner iterations, where the paper counts these."""
+    """Weight of a refiner call: its inner iterations, where the paper counts these."""
     most_calls: int | None = None
-    """A tree search ends with so many refiner calls per object, roll-outs included; None: its own budget."""
+    """Refiner calls per object, roll-outs included, after which a tree search ends; None: its own budget."""
 
 
 Metric = Literal["ar", "ar_vsd", "ar_mssd", "ar_mspd"]
@@ -35,18 +35,18 @@ Metric = Literal["ar", "ar_vsd", "ar_mssd", "ar_mspd"]
 
 @dataclass(frozen=True)
 class Claim:
-    """What the paper reports of two curves: ``better`` lies above ``worse``, on average over the panel."""
+    """A claim of the paper about two curves: ``better`` lies above ``worse``, on average over the panel."""
 
     better: str
     worse: str
     metric: Metric = "ar"
     from_x: float = -math.inf
     to_x: float = math.inf
-    """The x that it is about, both ends included."""
+    """The range of x that it is about, both ends included."""
     reading: str = ""
-    """The paper's sentence, where it is not just that."""
+    """The paper's sentence, where it says more than that."""
     than: str = ""
-    """Another panel, in which ``better`` lies above ``worse`` by less at the same x; "" = none is compared with."""
+    """Another panel, in which ``better`` lies above ``worse`` by less at the same x; "" = none."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,11 @@ class Panel:
     prepare: Prepare = field(repr=False)
     claims: tuple[Claim, ...] = ()
     budget: str = ""
-    """The refiner and how often it is called, with where the paper has it."""
+    """The refiner and its number of calls, with the place in the paper."""
     is_grasped: bool = False
     """Whether every answer is tried with the simulated gripper."""
     may_lack: bool = False
-    """Whether a curve whose refiner cannot be had, such as one without weights, is left open with the reason, instead
+    """Whether a curve whose refiner is unavailable, for example without weights, is left empty with the reason, instead
     of ending the study."""
 
 
@@ -86,14 +86,14 @@ class Study:
         return frozenset(of_curves - {"method.refiner"} | set(self.own))
 
     def only(self, points: Collection[tuple[str, float]]) -> Study:
-        """The part with these (panel, x)."""
+        """The part of the plan with these (panel, x)."""
         xs = {panel.name: tuple(x for x in panel.xs if (panel.name, x) in points) for panel in self.panels}
         return replace(self, panels=tuple(replace(p, xs=xs[p.name]) for p in self.panels if xs[p.name]))
 
 
 @dataclass(frozen=True, order=True)
 class Unit:
-    """What a worker does at once: all curves of a panel at one x, one seed and one frame."""
+    """One job of a worker: all curves of a panel at one x, one seed and one frame."""
 
     panel: str
     x: float

@@ -1,4 +1,4 @@
-"""What a study of curves or tables leaves: numbers (CSV), figures, tables, and the paper's claims beside them."""
+"""The results of a study of curves or tables: numbers (CSV), figures, tables, and the paper's claims."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ERROR_NOTE = (
 
 @dataclass(frozen=True)
 class About:
-    """What a study was run on."""
+    """The data that a study was run on."""
 
     data: str
     """Frames, objects and seeds in a few words."""
@@ -142,7 +142,9 @@ def _number(row: Mapping[str, str | float] | None, name: str) -> str:
 
 
 def _papers(panel: Panel, label: str, row: Mapping[str, str | float] | None, paper: PaperTable | None) -> str:
-    """The paper's AR, or why there is none; "" where the paper has no such row. Why a row is empty is said below."""
+    """The paper's AR, or why there is none; "" where the paper has no such row. The reason for an empty row is given
+    below the table.
+    """
     if row is None:
         return "see below"
     if not any(r.label == label for table in PAPER if table.panel == panel.name for r in table.rows):
@@ -158,7 +160,7 @@ def _papers(panel: Panel, label: str, row: Mapping[str, str | float] | None, pap
 
 
 def printed_paper_table(table: PaperTable) -> PrintedTable:
-    """A table as it is in the paper."""
+    """A table in the paper's form."""
     has_errors = any(r.rotation_deg is not None for r in table.rows)
     cells = [
         (r.label, *(f"{v:.1f}" for v in (r.vsd, r.mspd, r.mssd, r.ar)))
@@ -189,7 +191,7 @@ def _head(about: About, budget: str) -> list[str]:
 
 
 def _claims(study: Study, points: Points) -> list[str]:
-    """A table of the claims of each panel, with what was found."""
+    """A table of the claims of each panel, with the findings."""
     text: list[str] = []
     for panel in study.panels:
         tested = verdicts(panel, points)
@@ -219,7 +221,7 @@ def _print_claims(study: Study, points: Points) -> None:
 
 
 def names_of(files: Sequence[Path]) -> str:
-    """The first with its folder, the others beside it."""
+    """Names of files: the first with its folder, the others without."""
     return ", ".join([*map(str, files[:1]), *(file.name for file in files[1:])])
 
 

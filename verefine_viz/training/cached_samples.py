@@ -1,8 +1,8 @@
-"""Samples for DenseFusion whose colours are described already, in large batches.
+"""Samples for DenseFusion with precomputed colour features, in large batches.
 
-The colour branch takes nearly all of the time of a sample. Once it is trained its answers are worked out once per
+The colour branch takes nearly all of the time of a sample. Once it is trained, its features are computed once per
 sample, and the rest of PoseNet, and then PoseRefineNet, learn from them in batches of ``BATCH_SIZE`` that cost no more
-than a few samples did. Same seed and step, same batches.
+than a few samples did before. Same seed and step, same batches.
 """
 
 # pyright: reportMissingImports=false
@@ -25,35 +25,35 @@ from verefine_viz.training.densefusion_samples import Sample, TrainingSamples
 BATCH_SIZE = 64
 """Samples of a step."""
 BATCHES_HELD = 512
-"""Batches of new samples, of which those of a step are drawn; the oldest gives way …"""
+"""Number of cached batches, from which the samples of a step are drawn; the oldest is replaced …"""
 NEW_EVERY = 2
-"""… to a new one after so many steps."""
+"""… by a new one after this many steps."""
 POINTS_DRAWN = 48
-"""Number of the points of a sample, others each time."""
+"""Number of points of a sample, drawn again each time."""
 MODEL_POINTS_DRAWN = 50
-"""Number of the points that measure how far apart two poses are."""
+"""Number of points that measure the distance between two poses."""
 POSE_NETS = 0.5
-"""How often PoseRefineNet starts at PoseNet's pose; else at the ground truth, …"""
+"""Share of starts of PoseRefineNet at PoseNet's pose; the others are at the ground truth, …"""
 TURN_DEG, AWAY_M = 30.0, 0.03
-"""… turned and shifted by up to these."""
+"""… turned and shifted by up to these amounts."""
 DRAWS = 3
-"""What the second number of a seed stands for, as ``densefusion_samples.DRAWS``."""
+"""Meaning of the second number of a seed, as in ``densefusion_samples.DRAWS``."""
 
 
 @dataclass(frozen=True, eq=False)
 class CachedSample:
-    """A sample with PoseNet's part."""
+    """A sample with the part that PoseNet computes."""
 
     sample: Sample
     colours: NDArray[np.float32]
-    """(E, N) as the colour branch describes them."""
+    """(E, N) features by the colour branch."""
     T_pose_net: NDArray[np.float32]
     """(4, 4) PoseNet's most confident pose [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampleBatch:
-    """Samples as the networks take them."""
+    """A batch of samples in the form that the networks take."""
 
     points: Tensor
     """(B, N, 3) [m], in the camera's frame, or in that of a pose."""
@@ -70,15 +70,15 @@ class SampleBatch:
 
 
 class CachedSamples:
-    """The samples of a seed, from any step on.
+    """Draws the samples of a seed, from any step on.
 
     Args:
         pose: PoseNet, whose colour branch stays as it is.
         scenes: the pictures.
-        seed: of the samples and of what is drawn of them.
+        seed: of the samples and of what is drawn from them.
         n_points: of the mask.
-        batch_size: samples that are added at a time.
-        began_at: the step that this part of the training begins with: its samples go on from there.
+        batch_size: number of samples that are added at a time.
+        began_at: first step of this part of the training, with which its samples begin.
         first_step: the step that :meth:`next` begins with.
 
     Raises:
@@ -96,7 +96,7 @@ class CachedSamples:
         first_step: int,
     ) -> None:
         self._pose, self._seed, self._step = pose, seed, first_step
-        # How many were added before: those that are held are made again.
+        # Number of batches added before; those still cached are made again.
         n_added = BATCHES_HELD + (first_step - began_at + NEW_EVERY - 1) // NEW_EVERY
         self._began_at = began_at
         self._samples = TrainingSamples(scenes, seed, n_points, batch_size, began_at + n_added - BATCHES_HELD)
@@ -105,7 +105,9 @@ class CachedSamples:
             self._add()
 
     def next(self) -> tuple[list[CachedSample], np.random.Generator]:
-        """The samples of the current step, and what draws of them; the next call gives the next step's."""
+        """The cached samples of the current step, and the generator that draws from them; the next call gives the next
+        step's.
+        """
         if (self._step - self._began_at) % NEW_EVERY == 0:
             self._add()
         rng = np.random.default_rng((self._seed, DRAWS, self._step))
@@ -118,7 +120,7 @@ class CachedSamples:
 
 
 def cached(pose: PoseNet, sample: Sample) -> CachedSample:
-    """The sample with PoseNet's part, as it is now."""
+    """The sample with the part that PoseNet computes, as it is now."""
     crop = sample.crop
     arrays = crop.image, crop.points, crop.chosen, np.array([sample.index])
     with torch.no_grad():
@@ -149,7 +151,7 @@ def _start(sample: CachedSample, rng: np.random.Generator) -> NDArray[np.float32
 
 
 def _batch(samples: list[CachedSample], seen_from: list[NDArray[np.float32]], rng: np.random.Generator) -> SampleBatch:
-    """Some points of the samples as seen from poses (4, 4)."""
+    """Some points of the samples, in the frames of poses (4, 4)."""
     points, colours, models, wanted = [], [], [], []
     for one, T in zip(samples, seen_from, strict=True):
         drawn = rng.integers(one.colours.shape[1], size=POINTS_DRAWN)

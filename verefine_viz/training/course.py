@@ -1,4 +1,6 @@
-"""A training: its steps and losses, the checkpoint that it goes on from, and what its model card says of them."""
+"""The course of a training: steps and losses, the checkpoint to continue from, and the part of the model card about
+them.
+"""
 
 # pyright: reportMissingImports=false
 from __future__ import annotations
@@ -21,12 +23,12 @@ CHECKPOINT_FORMAT = 1
 SAVED_EVERY_S = 60.0
 """Time between two checkpoints [s]."""
 LOSSES = 20
-"""How many numbers of the course of the loss a card has."""
+"""Number of values of the loss curve in a card."""
 
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """How far a training is."""
+    """Progress of a training."""
 
     step: int
     n_steps: int | None
@@ -34,22 +36,22 @@ class TrainingProgress:
     loss: float
     """Mean since the last report."""
     error: float
-    """Mean of the error that is left; its unit is the training's."""
+    """Mean remaining error, in the unit of the training."""
 
 
 @dataclass(eq=False)
 class Course:
-    """Where a training is."""
+    """State of a training."""
 
     checkpoint: Path
     """Written every minute and at the end."""
     made_with: Mapping[str, Any]
-    """What a training must be started with to go on from it."""
+    """Arguments with which a training must be started to continue from the checkpoint."""
     n_steps: int | None
     """None = as many as fit into ``minutes``, until the first steps are timed."""
     minutes: float
     timed_steps: tuple[int, int]
-    """The steps that are timed for that: after the first of them until after the second."""
+    """The steps that are timed for this: from the end of the first to the end of the second."""
     reported_every: int
     """Steps between two reports."""
     report: Callable[[TrainingProgress], None]
@@ -66,7 +68,7 @@ class Course:
         return self.n_steps is not None and self.step >= self.n_steps
 
     def resumed(self) -> dict[str, Any] | None:
-        """The state to go on from, whose step it takes; None where there is no checkpoint.
+        """The state to continue from, with its step taken over; None where there is no checkpoint.
 
         Raises:
             InputError: it is of another training, or damaged.
@@ -79,11 +81,11 @@ class Course:
         return saved
 
     def advance(self, results: Sequence[tuple[float, float]], state: Callable[[], Mapping[str, Any]]) -> None:
-        """Counts a step that was made, reports, and saves where it is time to.
+        """Counts a step, and reports and saves when it is time.
 
         Args:
             results: loss and error of the step, or of each of its samples.
-            state: what to go on from, asked for where it is saved.
+            state: the state to continue from, called only when it is saved.
 
         Raises:
             InputError: the checkpoint cannot be written.
@@ -112,7 +114,7 @@ def write_checkpoint(path: Path, made_with: Mapping[str, Any], state: Mapping[st
 
     Args:
         path: the file.
-        made_with: what a training must be started with to go on from it.
+        made_with: arguments with which a training must be started to continue from it.
         state: its arrays and numbers; ``step`` and ``n_steps`` are among them.
 
     Raises:
@@ -123,18 +125,18 @@ def write_checkpoint(path: Path, made_with: Mapping[str, Any], state: Mapping[st
 
 
 def read_checkpoint(path: Path, made_with: Mapping[str, Any], n_steps: int | None) -> dict[str, Any]:
-    """The state that was written.
+    """The state in a checkpoint file.
 
     Args:
         path: the file.
-        made_with: what the training was started with now.
+        made_with: arguments of this training.
         n_steps: how many steps were asked for; None = any number.
 
     Raises:
         InputError: it is of another training, or damaged.
     """
     try:
-        saved = torch.load(path, weights_only=True)  # Numbers and arrays only: nothing is unpickled.
+        saved = torch.load(path, weights_only=True)  # Only numbers and arrays: nothing is unpickled.
         is_same = (saved["format"], saved["made_with"]) == (CHECKPOINT_FORMAT, dict(made_with))
         seed, planned = saved["made_with"]["seed"], saved["n_steps"]
     except Exception:
@@ -154,12 +156,12 @@ def read_checkpoint(path: Path, made_with: Mapping[str, Any], n_steps: int | Non
 
 
 def losses_on_card(losses: Sequence[tuple[int, float, float]]) -> list[tuple[int, float, float]]:
-    """``LOSSES`` of the (step, loss, error), evenly, and the last."""
+    """``LOSSES`` evenly spaced (step, loss, error), the last included."""
     every = max(1, len(losses) // LOSSES)
     return list(dict.fromkeys([*losses[::every], *losses[-1:]]))
 
 
 def versions() -> dict[str, str]:
-    """Versions of what weights were made with."""
+    """Versions of the software that made the weights."""
     packages = {"verefine-viz": verefine_viz.__version__, "torch": torch.__version__, "numpy": np.__version__}
     return packages | {"python": platform.python_version()}

@@ -1,4 +1,4 @@
-"""What ``verefine-viz train densefusion`` does: train, export both networks, measure, write the model cards."""
+"""The command ``verefine-viz train densefusion``: train, export both networks, measure, write the model cards."""
 
 # pyright: reportMissingImports=false
 from __future__ import annotations
@@ -78,7 +78,7 @@ def train_both(
     say("Measuring them on pictures that they have not seen.", sys.stderr)
     measured = measured_on(coloured_scenes(dataset, split, seed + HELD_OUT_SEED), files[POSE_NET], files[REFINE_NET])
     for name, file in files.items():
-        # Frames of a data set are drawn from the same frames again.
+        # Pictures of a data set would be drawn from the frames of the training.
         cards[name]["measured_on"] = "the same frames in another order" if split else "other made-up views"
         cards[name]["measured"] = measured
         write_network(file, with_card(contents[name], cards[name]), cards[name])
@@ -105,7 +105,7 @@ def describe(now: TrainingProgress) -> str:
 def card_of(
     name: str, trained: TrainedDenseFusion, scenes: ColouredScenes, n_points: int, seed: int, command: str
 ) -> dict[str, Any]:
-    """The model card, but for what is measured."""
+    """The model card without the measurements."""
     parameters = sum(p.numel() for p in (trained.pose if name == POSE_NET else trained.refine).parameters())
     return {
         "network": name,
@@ -128,7 +128,7 @@ def card_of(
 
 
 def measured_on(scenes: ColouredScenes, pose_file: Path, refine_file: Path) -> dict[str, dict[str, Any]]:
-    """ADD(-S) as a share of the diameter: of the most confident pose, and after two steps of refinement."""
+    """ADD(-S) as a share of the diameter, for the most confident pose and after two steps of refinement."""
     pose, steps = (
         DenseFusionPose(pose_file, DenseFusionSettings()),
         DenseFusionSteps(refine_file, DenseFusionSettings()),

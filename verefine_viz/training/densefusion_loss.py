@@ -1,4 +1,4 @@
-"""What the training of DenseFusion lowers (Wang et al., CVPR 2019, Sec. 3.3-3.4). docs/methods.md 5.4."""
+"""The losses of DenseFusion (Wang et al., CVPR 2019, Sec. 3.3-3.4). docs/methods.md 5.4."""
 
 # pyright: reportMissingImports=false
 from __future__ import annotations
@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 CONFIDENCE_WEIGHT = 0.015
-"""w: a point that is not confident counts less, and pays this for it."""
+"""w: weight of the penalty of a point with low confidence, whose error counts less."""
 
 
 def rotations(quats_wxyz: Tensor) -> Tensor:

@@ -11,11 +11,12 @@ from verefine_viz.learned.depth_crops import ANSWERS, CHANNELS, SIDE_PX
 WIDTHS = (16, 32, 80)
 """Channels at half, a quarter and an eighth of the crop's size."""
 HIDDEN = 128
-"""Numbers from which the answer is made."""
+"""Width of the layer before the answer."""
 SMALLEST = 0.3
-"""Added to the error at the start, by which the error left is divided [radii]: near poses count more, not endlessly."""
+"""Added to the error at the start, which divides the remaining error [radii]: near poses count more, but not without
+limit."""
 FLOOR = 0.003
-"""Errors below this are one to the predicted error [radii]."""
+"""Added to the remaining error before its logarithm [radii]: smaller errors are not distinguished."""
 CERTAINTY_WEIGHT = 0.05
 """Weight of the predicted error's own loss."""
 
@@ -32,7 +33,7 @@ class _ResidualBlock(nn.Module):
         self.shortcut: nn.Module = nn.Identity()
         if stride > 1:
             self.shortcut = nn.Sequential(nn.Conv2d(n_in, n_out, 1, stride, bias=False), nn.BatchNorm2d(n_out))
-        nn.init.zeros_(self.second_norm.weight)  # At first a block is its shortcut, which trains quicker.
+        nn.init.zeros_(self.second_norm.weight)  # At first a block passes only its shortcut, which trains faster.
 
     def forward(self, x: Tensor) -> Tensor:
         y = torch.relu(self.first_norm(self.first(x)))
@@ -40,7 +41,7 @@ class _ResidualBlock(nn.Module):
 
 
 class DepthNetModel(nn.Module):
-    """Crops (B, C, S, S) → answers (B, 7): a residual CNN whose last map keeps where things are."""
+    """Crops (B, C, S, S) → answers (B, 7): a residual CNN whose last map keeps positions."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -55,7 +56,7 @@ class DepthNetModel(nn.Module):
         # Without this norm the head dies at the learning rate that the trunk needs, and learns shifts but no turns.
         hidden = nn.Linear(c * side * side, HIDDEN, bias=False), nn.BatchNorm1d(HIDDEN), nn.ReLU()
         answer = nn.Linear(HIDDEN, ANSWERS)
-        nn.init.zeros_(answer.weight)  # The first answer is no step.
+        nn.init.zeros_(answer.weight)  # The first answer is a zero step.
         nn.init.zeros_(answer.bias)
         self.head = nn.Sequential(nn.Flatten(), *hidden, answer)
 
@@ -74,15 +75,15 @@ def rotations(vectors: Tensor) -> Tensor:
 
 
 def errors_left(answers: Tensor, points: Tensor, wanted: Tensor) -> Tensor:
-    """Mean distance (B,) of points (B, P, 3) moved by the answers to where they should be [radii]."""
+    """Mean distance (B,) of points (B, P, 3) moved by the answers, from their true places [radii]."""
     moved = points @ rotations(answers[:, :3]).transpose(1, 2) + answers[:, None, 3:6]
     return torch.sqrt(((moved - wanted) ** 2).sum(dim=2) + 1e-10).mean(dim=1)
 
 
 def loss_of(answers: Tensor, points: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
-    """What training lowers, and the mean error left (both scalar).
+    """The loss, and the mean remaining error (both scalar).
 
-    The first is the error left as a share of the error before, and how far off the predicted logarithm of it is.
+    The loss is the remaining error as a share of the error before, plus the deviation of its predicted logarithm.
     """
     left = errors_left(answers, points, wanted)
     before = (points - wanted).norm(dim=2).mean(dim=1)

@@ -1,4 +1,4 @@
-"""How good a ``depth_net`` is on shapes and views that no training sees."""
+"""Measures a ``depth_net`` on shapes and views that no training sees."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STEPS = 6
 
 
 def measured(network: OnnxNetwork) -> list[dict[str, Any]]:
-    """For each of ``STARTS`` the mean distance of the shape's points to where they belong, in % of the diameter."""
+    """Mean distance of the shape's points from their true places for each of ``STARTS``, in % of the diameter."""
     views = held_out_views(N_VIEWS)
     rows = []
     for turn_deg, shift in STARTS:
@@ -51,7 +51,7 @@ def start_at(view: SyntheticView, turn_deg: float, shift: float, rng: np.random.
 
 
 def _errors(view: SyntheticView, T: Float, network: OnnxNetwork) -> tuple[float, float]:
-    """Error of a pose and of what the network makes of it, as shares of the diameter."""
+    """Error of a pose before and after the network, as shares of the diameter."""
     Ts = T[None]
     for _ in range(STEPS):
         crops = crops_at(view.depth_m, view.mask, view.camera, view.shape.mesh, extent(view), Ts)
@@ -60,7 +60,7 @@ def _errors(view: SyntheticView, T: Float, network: OnnxNetwork) -> tuple[float,
 
 
 def share_of_diameter(view: SyntheticView, T: Float) -> float:
-    """Mean distance of the shape's points at a pose to where they belong, as a share of the diameter."""
+    """Mean distance of the shape's points at a pose from their true places, as a share of the diameter."""
     wanted = nearest_equivalent(view, T)
     difference = view.shape.points @ (T[:3, :3] - wanted[:3, :3]).T + T[:3, 3] - wanted[:3, 3]
     return float(np.linalg.norm(difference, axis=1).mean() / (2 * view.shape.radius_m))

@@ -1,7 +1,6 @@
-"""Views of an object among others on a table, by a depth sensor and a detector that errs. Same seed, same view.
+"""Views of an object among others on a table, by a depth sensor and an imperfect detector. Same seed, same view.
 
-A view is only as large as the object's surroundings: a small image with a camera whose principal point lies where that
-image is cut out of a large one.
+A view covers only the object's surroundings: a small image, with the principal point of a crop from a large one.
 """
 
 from __future__ import annotations
@@ -29,11 +28,12 @@ OFF_AXIS_DEG = 24.0
 ELEVATION_DEG = (12.0, 88.0)
 """How steeply the camera looks down on the table."""
 LEAST_VISIBLE = 0.25
-"""Share of the object's silhouette that shows; views with less are drawn again."""
+"""Least visible share of the object's silhouette; views with less are drawn again."""
 LEAST_PX = 120
-"""Pixels of the object that show."""
+"""Fewest visible pixels of the object."""
 NO_TABLE, STANDS, IS_HIDDEN, HAS_HOLES = 0.15, 0.6, 0.25, 0.3
-"""How often there is no table, an object lies on a side of its hull, something floats in front, patches are missing."""
+"""Probabilities that there is no table, that an object lies on a side of its hull, that something floats in front, that
+patches are missing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class SyntheticView:
     depth_m: NDArray[np.float32]
     """(H, W) z [m], 0 = not measured."""
     mask: Mask
-    """(H, W) what the detector takes for the object."""
+    """(H, W) mask by the detector."""
     T_cam_obj: Float
     """(4, 4) ground truth [m]."""
 
@@ -112,7 +112,7 @@ def _camera(rng: np.random.Generator, radius_m: float) -> tuple[Camera, Float]:
 
 
 def _up(rng: np.random.Generator) -> Float:
-    """Against gravity, in the camera's frame (3,)."""
+    """Direction against gravity, in the camera's frame (3,)."""
     elevation, roll = np.deg2rad(rng.uniform(*ELEVATION_DEG)), np.deg2rad(rng.normal(0, 8))
     up = np.array([0.0, -np.cos(elevation), -np.sin(elevation)])
     return axis_angle([0, 0, 1], roll) @ up

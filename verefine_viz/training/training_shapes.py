@@ -1,6 +1,6 @@
-"""Shapes that networks are trained on: the random objects of pybullet_data, and solids by formula.
+"""Shapes for training networks: the random objects of pybullet_data, and solids by formula.
 
-None is an object of a data set or of a built-in scene. Each comes in endless proportions and sizes.
+None is an object of a data set or of a built-in scene. Each is drawn with random proportions and size.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ FOLDER = Path(pybullet_data.getDataPath()) / "random_urdfs"
 N_RANDOM = 1000
 """Objects of pybullet_data/random_urdfs."""
 N_HELD_OUT = 50
-"""The last of them, on which networks are only evaluated."""
+"""Number of objects, the last ones, on which networks are only evaluated."""
 DIAMETER_M = (0.06, 0.30)
 """Smallest and largest diameter [m]; in between every size is as likely as its double."""
 STRETCH = 0.5
-"""Each side of a shape is stretched by up to e to this, or its inverse."""
+"""Each side of a shape is scaled by up to exp of this, or by the inverse."""
 TURNS = 36
-"""Steps of a full turn that stand for the symmetries of a solid of revolution."""
+"""Number of turns that represent the symmetries of a solid of revolution."""
 LOSS_POINTS = 32
-"""Points of a shape that measure how far apart two poses are."""
+"""Number of points of a shape that measure the distance between two poses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class _Solid:
     faces: NDArray[np.int32]
     symmetries: Float
     is_round: bool = False
-    """Its x and y sides are stretched alike, else it would lose its symmetries."""
+    """Whether x and y are scaled alike, so that it keeps its symmetries."""
 
 
 def draw_shape(rng: np.random.Generator, held_out: bool = False) -> TrainingShape:
@@ -154,7 +154,7 @@ def _handled(rng: np.random.Generator) -> _Solid:
 
 
 def _joined(rng: np.random.Generator) -> _Solid:
-    """Two or three boxes and cylinders in each other: a tool, an angle, a block with a knob."""
+    """Two or three intersecting boxes and cylinders: a tool, an angle, a block with a knob."""
     parts = []
     for _ in range(int(rng.integers(2, 4))):
         part = (

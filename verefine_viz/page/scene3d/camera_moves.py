@@ -1,4 +1,4 @@
-"""Where the 3D view's camera is taken: to the sensor, to a first overview, and to where an object is not hidden."""
+"""Moves of the 3D view's camera: to the sensor, to a first overview, and to where an object is not hidden."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.core.observation import Observation
 
 NEAR_M = 0.005
-"""From where on the view is drawn [m]."""
+"""Distance from which on the view is drawn [m]."""
 _ELEVATIONS_DEG = (25, 50, 75)
 _AZIMUTHS = 12
 _CELLS, _LEAST_CELL_M = 12, 0.006
 """Cells across an object; no smaller than the distance of points that are sampled on models."""
 _TURNING = 0.15
-"""Share of an object's points that are worth a turn of the view by 180°."""
+"""Share of an object's points that is worth a turn of the view by 180°."""
 _FIRST_TURNING = 0.8
-"""That share for the first look: from behind, the observed cloud is a veil with holes."""
+"""This share for the first look: from behind, the observed cloud is a veil with holes."""
 _FIRST_SHARE = 1 / 3
 """Share of the pane's height that the object in focus takes in the first look."""
 _BESIDE_RAD = math.radians(25)
@@ -33,7 +33,7 @@ def set_first_look(
 ) -> None:
     """Let browsers begin where an object's points (n, 3) fill a third of the pane and are not hidden.
 
-    Those that are there are taken to it.
+    Connected browsers are moved there.
 
     Args:
         server: whose browsers they are.
@@ -57,7 +57,7 @@ def set_first_look(
 
 
 def _beside(direction: Float) -> Float:
-    """Turn a direction a little about the vertical, so that what lies along it is seen to be there."""
+    """Turn a direction a little about the vertical, so that a line along it can be seen."""
     c, s = math.cos(_BESIDE_RAD), math.sin(_BESIDE_RAD)
     return np.array([c * direction[0] - s * direction[1], s * direction[0] + c * direction[1], direction[2]])
 
@@ -108,9 +108,9 @@ def least_hidden(points: Float, others: Sequence[Float], now: Float, turning: fl
 
 
 def visible_share(points: Float, others: Float, direction: Float) -> float:
-    """Return the share of an object's points that no other points lie before, as seen from a direction.
+    """Return the share of an object's points that other points do not hide, as seen from a direction.
 
-    Both are drawn into cells of a grid square to the direction, with the depth of what is nearest in each.
+    Both are drawn into cells of a grid perpendicular to the direction, with the depth of the nearest point in each.
     """
     axes, middle = _axes_seen(direction), points.mean(axis=0)
     cell_m = max(2 * float(np.linalg.norm(points - middle, axis=1).max()) / _CELLS, _LEAST_CELL_M)
@@ -133,7 +133,7 @@ def _axes_seen(direction: Float) -> Float:
 
 
 def cut_away(camera: viser.CameraHandle, ball_world: tuple[Float, float], share: float) -> None:
-    """Draw one browser's view only from a plane on that is square to it and lies at a share of a ball's depth.
+    """Cut one browser's view at a plane perpendicular to it, at a share of a ball's depth.
 
     Args:
         camera: of the browser.
@@ -146,5 +146,5 @@ def cut_away(camera: viser.CameraHandle, ball_world: tuple[Float, float], share:
         depth_m = float((centre - camera.position) @ ahead) / max(float(np.linalg.norm(ahead)), 1e-9)
         near_m = max(depth_m + (2 * share - 1) * radius_m, NEAR_M)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # A browser that is just closed gets nothing more.
-        camera.near = near_m  # A value as before is not sent.
+        warnings.simplefilter("ignore")  # A browser that has just closed gets nothing more.
+        camera.near = near_m  # An unchanged value is not sent.

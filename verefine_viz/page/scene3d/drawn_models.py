@@ -39,7 +39,7 @@ def place(node: viser.SceneNodeHandle, T_parent_node: Float) -> None:
 
 
 def show_at(node: viser.SceneNodeHandle | None, T_parent_node: Float | None) -> None:
-    """Draw a node at a pose, or not at all."""
+    """Draw a node at a pose, or hide it."""
     if node is None:
         return
     if T_parent_node is not None:
@@ -60,7 +60,7 @@ def add_solid(
 def add_coloured(scene: viser.SceneApi, name: str, model: ObjectModel) -> viser.GlbHandle | None:
     """Add a model with its own colours, not visible yet; None where it has none."""
     if (skin := skin_of(model, _TEXTURE_PX)) is not None:
-        # trimesh writes its material as rough and not metallic only where that is said.
+        # trimesh writes a material as rough and not metallic only if both are given.
         material = PBRMaterial(baseColorTexture=PilImage.fromarray(skin.image), metallicFactor=0.0, roughnessFactor=1.0)
         mesh = trimesh.Trimesh(
             skin.vertices, skin.faces, visual=TextureVisuals(uv=skin.uv, material=material), process=False
@@ -82,7 +82,7 @@ def add_outline(
 
 @lru_cache(maxsize=64)
 def display_mesh(model: ObjectModel) -> Mesh:
-    """Return the mesh as it is drawn: the simplified one that is scored, where the original is large."""
+    """Return the mesh to draw: the simplified one that is scored, where the original is large."""
     if len(model.faces) < _SIMPLIFY_FROM:
         return model.vertices, model.faces
     mesh = scoring_mesh(model, _DISPLAY_MM)
@@ -91,7 +91,7 @@ def display_mesh(model: ObjectModel) -> Mesh:
 
 @lru_cache(maxsize=64)
 def outline_of(model: ObjectModel) -> NDArray[np.float32]:
-    """Return the edges of a model that are drawn, (E, 2, 3), of a few hundred triangles at most."""
+    """Return the edges of a model to draw, (E, 2, 3), taken from a few hundred triangles at most."""
     vertices, faces = display_mesh(model)
     if len(faces) > _OUTLINE_FACES:
         scale = float(np.abs(vertices).max())

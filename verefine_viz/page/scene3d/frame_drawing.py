@@ -18,7 +18,7 @@ from verefine_viz.pictures.surroundings_meshes import SOLID_COLOR, SURFACE_COLOR
 IMAGE_PLANE_M = 0.12
 """How far before the sensor its photo hangs in the scene [m]."""
 _AROUND_M = 0.4
-"""How far around the objects surfaces without an end are drawn [m]."""
+"""Distance from the objects up to which unbounded surfaces are drawn [m]."""
 _ARROW_M = 0.07
 _PLANE_OPACITY = 0.18
 _UP_FROM_CAMERA = transform(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), np.zeros(3))
@@ -31,7 +31,7 @@ def world_from_camera(observation: Observation) -> Float:
 
 
 class FrameDrawing:
-    """What stays as long as a frame is open; made once, then shown, hidden and coloured."""
+    """The parts that stay while a frame is open; made once, then shown, hidden and coloured."""
 
     def __init__(self, scene: viser.SceneApi, problem: Problem) -> None:
         observation = problem.observation
@@ -40,7 +40,7 @@ class FrameDrawing:
         self.cloud: Cloud = cloud_of(observation)
         depth_m = float(np.median(self.cloud.points_cam[:, 2])) if len(self.cloud.points_cam) else 1.0
         self.normals: Image = normal_colors(self.cloud)
-        has_points = len(self.cloud.points_cam) > 0  # None where depth in another unit lies too far away.
+        has_points = len(self.cloud.points_cam) > 0  # None where depth in a wrong unit lies too far away.
         self._points = scene.add_point_cloud(
             "/cam/cloud", self.cloud.points_cam, self.cloud.natural if has_points else (0, 0, 0), precision="float32",
             point_size=(1.1 + 0.5 * self.cloud.spacing_px) * depth_m / observation.camera.fx,
@@ -61,7 +61,7 @@ class FrameDrawing:
                     node.font_screen_scale = text_px / LABEL_PX
 
     def show_cloud(self, colors: Image | None, box_cam: tuple[Float, float] | None) -> None:
-        """Show the cloud, or only its points in a box: (centre (3,), half its side [m]); without colours nothing."""
+        """Show the cloud, or only its points in a box: (centre (3,), half its side [m]); without colours, hide it."""
         self._points.visible = colors is not None
         key = b"" if box_cam is None else np.append(*box_cam).tobytes()
         if colors is None or (colors is self._looks[0] and key == self._looks[1]):
@@ -102,7 +102,7 @@ def _add_sensor(scene: viser.SceneApi, observation: Observation) -> list[viser.S
 def _add_ground(
     scene: viser.SceneApi, observation: Observation, points_cam: Float, T_world_cam: Float
 ) -> list[viser.SceneNodeHandle]:
-    """Add what the objects stand on: the part of the support plane that was seen, and surroundings where there are."""
+    """Add what the objects stand on: the visible part of the support plane, and any surroundings."""
     support, patch = observation.support, support_patch(observation)
     if support is None or patch is None:
         return []

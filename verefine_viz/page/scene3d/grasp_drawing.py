@@ -1,4 +1,4 @@
-"""A grasp in 3D: the gripper at one of its moments, the grasps there are, and where it presses."""
+"""A grasp in 3D: the gripper at one of its moments, the possible grasps, and where it presses."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from verefine_viz.grasping.grasp_answer import GraspAttempt  # Loads Bullet.
 
 CHOOSING = ("settle", "approach")
-"""Stages in which the grasps to choose from and the cloud are drawn; later the object is no longer there."""
+"""Stages in which the possible grasps and the cloud are drawn; later the object has moved away."""
 _GRIPPER_COLOR = (205, 210, 218)
 _CONTACT_COLOR = (255, 40, 40)
 _WIDTH_PX = {"blocked": 1.0, "free": 2.0, "chosen": 4.5}
 
 
 class GraspDrawing:
-    """Made when a grasp is shown first."""
+    """Made when a grasp is first shown."""
 
     def __init__(self, scene: viser.SceneApi, T_world_cam: Float) -> None:
         self._scene, self._T_world_cam = scene, T_world_cam
@@ -65,7 +65,7 @@ class GraspDrawing:
         return {instance_id: T_cam_world @ Ts[k] for instance_id, Ts in path.Ts_world_obj.items()}
 
     def _show_forks(self, attempt: GraspAttempt | None, opening_m: float) -> None:
-        """Draw the grasps at the pose that the gripper trusts: blocked, free, and the one carried out."""
+        """Draw the grasps at the pose that the gripper relies on: blocked, free, and the one carried out."""
         if attempt is not None and attempt is not self._attempt:
             for node in self._forks.values():
                 node.remove()

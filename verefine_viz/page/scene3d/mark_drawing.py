@@ -1,4 +1,4 @@
-"""What the user marked, in 3D: the ray of a pixel, the point that it sees with its normal, and a distance."""
+"""The user's marks in 3D: the ray of a pixel, the point that it sees with its normal, and a distance."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ class MarkDrawing:
         return float(depth_m[v, u]) * self._direction(pixel)
 
     def _direction(self, pixel: Pixel) -> Float:
-        """Return where a pixel looks (3,), 1 m deep."""
+        """Return the point (3,) on a pixel's ray at a depth of 1 m."""
         camera = self._observation.camera
         return np.array([(pixel[0] - camera.cx) / camera.fx, (pixel[1] - camera.cy) / camera.fy, 1.0])
 
     def _ray(self, pixel: Pixel) -> list[Float]:
-        """Return the lines (2, 3) of a pixel: its ray, and the point that it sees with its normal."""
+        """Return the lines (2, 3) that mark a pixel: its ray, and the point that it sees with its normal."""
         point = self._point(pixel)
         if point is None:
             return [np.array([np.zeros(3), _BLIND_M * self._direction(pixel)])]

@@ -42,7 +42,7 @@ class Cloud:
 
     @property
     def faded(self) -> Image:
-        """The natural colours of points about which another colouring says nothing."""
+        """The natural colours of points that another colouring leaves out."""
         return (self.natural.astype(np.float32) * 0.35 + 75).astype(np.uint8)
 
 
@@ -85,7 +85,7 @@ def class_colors(cloud: Cloud, maps: ScoreMaps) -> Image:
 def surface_scale(tau_m: float) -> Scale:
     """Return the colours of a signed distance to a surface [mm], over half the depth tolerance to either side.
 
-    Blue = outside, red = inside: as a point that lies before or behind the rendered surface is coloured in maps.
+    Blue = outside, red = inside, as maps colour a point before or behind the rendered surface.
     """
     anchors = difference_scale(tau_m).anchors[::-1]
     return Scale(-500.0 * tau_m, 500.0 * tau_m, "mm", anchors)
@@ -119,7 +119,7 @@ def _middle_points(observation: Observation) -> Float:
 def clicked_pixel(
     observation: Observation, origin_cam: Float, direction_cam: Float, image_plane_m: float | None
 ) -> tuple[int, int] | None:
-    """Return the pixel (u, v) that a ray of the view means, None if it meets nothing.
+    """Return the pixel (u, v) that a ray of the 3D view hits; None if it hits nothing.
 
     The ray meets the camera image before the sensor, at depth ``image_plane_m`` (None = not shown), or the observed
     surface; whichever comes first.
@@ -135,7 +135,7 @@ def clicked_pixel(
     inside = (uv >= 0).all(axis=1) & (uv[:, 0] < camera.width) & (uv[:, 1] < camera.height)
     z, uv = points[inside, 2], uv[inside]
     depth = observation.depth_m[uv[:, 1], uv[:, 0]]
-    # The ray is through the surface where it comes from before it to just behind it.
+    # The ray crosses the surface where it goes from before it to just behind it.
     hits = (depth > 0) & (z >= depth) & (z < depth + _SURFACE_M)
     if image_plane_m is not None:
         hits |= np.abs(z - image_plane_m) < 1e-9

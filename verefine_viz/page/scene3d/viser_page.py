@@ -1,9 +1,9 @@
-"""viser's page, with a script of ours before viser's own and a policy that says what may run in it.
+"""viser's page, with a script of ours before viser's own and a policy on what may run in it.
 
 viser has no option to hide its panel and its notifications: ``before_viser.js`` does. The page around it reads three
 private parts of viser's client in the browser: the number of pictures drawn, which nodes there are (``web/scene.js``),
-and the camera, which a press beside a handle holds (``web/gizmo_guard.js``). Written for viser 1.1.1;
-``tests/browser/test_scene_pane.py`` fails where they move.
+and the camera, which is held still during a press beside a handle (``web/gizmo_guard.js``). Written for viser 1.1.1;
+``tests/browser/test_scene_pane.py`` fails if they change.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def served() -> tuple[str, str]:
 
 
 def exported(page: str) -> str:
-    """Return a page that viser exported with what this page runs before viser's own; the same each time."""
+    """Return a page that viser exported, with our script before viser's own; the same input gives the same page."""
     return _with_script(page, _BEFORE.replace(_NONCE, ""))
 
 
@@ -47,7 +47,7 @@ def _with_script(page: str, script: str) -> str:
 
 
 def _policy(page: str) -> str:
-    """Allow the scripts that stand in the page, the one they insert, WebAssembly and workers; all of it is ours."""
+    """Allow the page's own scripts, the one that they insert, WebAssembly and workers; all of it is served by us."""
     scripts = re.findall(r"<script[^>]*>(.*?)</script>", page, re.DOTALL)
     hashes = [f"'sha256-{base64.b64encode(hashlib.sha256(one.encode()).digest()).decode()}'" for one in scripts]
     return "; ".join(
@@ -61,7 +61,7 @@ def _policy(page: str) -> str:
             "connect-src 'self' data: blob:",  # blob: textures of models
             "base-uri 'none'",
             "form-action 'none'",
-            # The page frames it, which a notebook on this machine may frame in turn.
+            # Framed by our page, which a notebook on this machine may frame in turn.
             "frame-ancestors 'self' http://localhost:* http://127.0.0.1:*",
         ]
     )

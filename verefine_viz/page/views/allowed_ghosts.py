@@ -1,4 +1,6 @@
-"""Poses that stand for all that the image allows: spread along the least certain motion, and those that look alike."""
+"""Samples of the poses that the image allows: spread along the least certain motion, and isolated ones that look
+alike.
+"""
 
 from __future__ import annotations
 
@@ -13,25 +15,25 @@ from verefine_viz.page.run_messages import AllowedByImage
 from verefine_viz.page.wire import pose_numbers
 
 MOST = 12
-"""Poses that are drawn at once."""
+"""Most poses that are drawn at once."""
 ALONG = 7
-"""Ghosts along a motion."""
+"""Most ghosts along a motion."""
 SEEN = 0.02
-"""A pose nearer to the answer than this is drawn on top of it [ADD(-S), share of the diameter]."""
+"""A pose nearer to the answer than this would be drawn on top of it [ADD(-S), share of the diameter]."""
 FAR_DEG = 20.0
-"""A turn that is undetermined by more is drawn unasked."""
+"""A turn that is undetermined by more than this is drawn unasked."""
 
 
 def allowed_ghosts(
     allowed: AllowedPoses, apart_mm: Callable[[Float], float], causes: Sequence[Cause | str], least_score: float
 ) -> AllowedByImage | None:
-    """Choose the poses; None where all that is allowed looks like the answer, as a can that turns about its axis.
+    """Choose the poses; None where all allowed poses look like the answer, as for a can that turns about its axis.
 
     Args:
-        allowed: what the image allows beside an answer.
+        allowed: the poses that the image allows besides an answer.
         apart_mm: ADD(-S) between a pose (4, 4) and the answer [mm].
-        causes: what the verdict names.
-        least_score: an answer that scores less fits its image badly, and says little of what fits as well.
+        causes: those that the verdict names.
+        least_score: an answer that scores less fits its image too badly to tell what else fits.
     """
     least_mm = SEEN * 2 * allowed.radius_mm
     widest, along = None, list[Float]()
@@ -59,6 +61,6 @@ def _reach_mm(extent: Extent, allowed: AllowedPoses) -> float:
 
 
 def _spread(poses: Sequence[Float], n: int) -> list[Float]:
-    """Return n of the poses with both ends, evenly; all where there are fewer."""
+    """Return n of the poses, evenly spaced, both ends included; all where there are fewer."""
     places = np.unique(np.linspace(0, len(poses) - 1, min(n, len(poses))).round().astype(int))
     return [poses[k] for k in places]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def branches_message(space: Workspace) -> BranchesMessage:
-    """Return which branches there are, and which two are compared."""
+    """Return the branches, and which two are compared."""
     compared = space.work.compare
     return BranchesMessage(
         list=[_branch(space, branch) for branch in space.branches.values()],
@@ -62,7 +62,7 @@ def _edit(branch: Branch, edit: Edit) -> MovedPose:
 
 
 def _elsewhere(space: Workspace, branch: Branch, edits: tuple[Edit, ...]) -> list[str]:
-    """Say which poses the session moves that this frame does not have."""
+    """Name the poses that the session edits but this frame lacks."""
     words = []
     for edit in branch.start.edits:
         if edit not in edits and edit.frame != space.frame:

@@ -1,4 +1,6 @@
-"""Two branches side by side: pairs of iterations, the first differences, and who came nearer: the want ``compare``."""
+"""Two branches side by side: pairs of iterations, the first differences, and which answer is nearer: the want
+``compare``.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,7 @@ def comparison(space: Workspace, want: p.ComparisonWanted, blobs: Blobs) -> Comp
     evaluator, ids_a = a.final_evaluator, {i.instance_id for i in a.run.problem.instances}
 
     def score_of(target: Target, best: Best) -> float:
-        """By the rule of A, whose own target of the same object may count other masks."""
+        """B's pose scored by the rule of A, whose target of the same object may count other masks."""
         own = target.instance.instance_id
         return evaluator.score(a.run.problem.target(own) if own in ids_a else target, best.T_cam_obj).score
 
@@ -87,7 +89,9 @@ def names_of(a: Branch, b: Branch) -> tuple[str, str]:
 
 
 def describe_departure(differences: Departures, n_both: int) -> str:
-    """Say where two runs part: "A and B do the same for 1 iteration. Then in iteration 2 B works on hypothesis 3."."""
+    """Say where two runs diverge: "A and B do the same for 1 iteration. Then in iteration 2 B works on hypothesis
+    3.".
+    """
     deed, score = differences.deed, differences.score
     if deed is not None:
         same = deed.place - 1
@@ -117,7 +121,7 @@ def _departure(departure: Departure) -> RunDeparture:
 
 
 def _outcome(o: ComparedObject, alike: bool) -> ObjectInBoth:
-    """Return one object's answers in both runs; who is nearer only where that is known."""
+    """Return one object's answers in both runs; which is nearer only where that is known."""
     is_known = o.a is not None and o.b is not None and o.a.errors is not None and o.b.errors is not None
     return ObjectInBoth(o.instance_id, o.name, _side(o.a), _side(o.b), o.winner if alike or is_known else None)
 
@@ -138,9 +142,9 @@ def _side(answer: ScoredBest | None) -> ComparedAnswer | None:
 
 
 def _frame_scores(a: Branch, b: Branch, answers: Sequence[ComparedObject]) -> tuple[float, float] | None:
-    """Return how well all answers of A, and of B, explain the frame together; None for one object.
+    """Return the scores of A's answers and of B's, each set as one scene; None for a single object.
 
-    By the settings of A, or where B scores by others, B's by its own.
+    Scored with the settings of A; B's with its own where they differ.
     """
     both = [(o.instance_id, o.a.best, o.b.best) for o in answers if o.a is not None and o.b is not None]
     if len(both) < 2:

@@ -1,4 +1,4 @@
-"""The film of an object: its key moments as the verdict has them, and their pictures: answer to the want ``film``."""
+"""The film of an object: its key moments as in the verdict, and their pictures: answer to the want ``film``."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _moment(drawn: MomentDrawn, obj: int) -> Moment:
 
 
 def maps_in(branch: Branch, target: Target) -> MapsOf:
-    """What gives score maps at the poses of moments of a branch."""
+    """Return a function for the score maps at the poses of a branch's moments."""
     return lambda moment, T: branch.evaluator_of(moment.iteration).maps(target, T)
 
 
@@ -70,7 +70,7 @@ def moments_of(
     Args:
         branch: the run.
         record: of it.
-        o: what it made of the object.
+        o: the object's outcome.
         findings: the verdict's, the main one first.
         other: a pose (4, 4) elsewhere that fits as well.
     """
@@ -97,7 +97,7 @@ def moments_of(
 
 
 def shown_moment(moment: Moment) -> MomentShown:
-    """A moment as the verdict has it."""
+    """A moment as in the verdict."""
     poses = tuple((role, pose_numbers(T)) for role, T in moment.poses)
     drawn = MomentDrawn(moment.iteration, poses, moment.map, moment.layer)
     legend = list(moment.legend.items())

@@ -1,4 +1,4 @@
-"""The open frame: its picture, its objects, its settings, and what can be opened instead: message ``frame``."""
+"""The open frame, its picture, objects and settings, and what else can be opened: message ``frame``."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 def frame_message(
     space: Workspace, blobs: Blobs, batch_run: str, demos: Sequence[str], sessions: Sequence[TitledSession]
 ) -> FrameMessage:
-    """Return all of the open frame that does not depend on a run."""
+    """Return the part of the open frame that does not depend on a run."""
     branch, problem = space.work.first, space.problem
     observation, session = problem.observation, branch.tools.session
     h, w = observation.camera.shape
@@ -172,7 +172,7 @@ def _support(observation: Observation, blobs: Blobs) -> SupportPlane | None:
 
 
 def order_of(problem: Problem) -> SolvingOrder | None:
-    """Return the dependency graph: who stands on whom, and in which order objects are solved."""
+    """Return the dependency graph: which object stands on which, and the order in which they are solved."""
     graph = problem.dependencies
     if graph is None:
         return None

@@ -29,7 +29,7 @@ BLOCKED = "No grasp was carried out: in each the gripper would meet what the sen
 
 
 def grasp(space: Workspace, verb: p.Evaluate, blobs: Blobs, progress: ProgressToken) -> GraspAnswer:
-    """Grasp an object by a pose and by the ground truth; results are cached where the 3D view finds them."""
+    """Grasp an object by a pose and by the ground truth; results are cached for the 3D view."""
     branch = space.branch(verb.branch)
     problem, settings = branch.run.problem, branch.settings.grasp
     pair = space.grasps.carry_out(problem, settings, verb.obj, pose_matrix(verb.T), progress)
@@ -76,7 +76,7 @@ def _frames(problem: Problem, attempt: GraspAttempt) -> list[GraspFrame]:
     closing = path.stages.index("close") if "close" in path.stages else 0
     T = path.Ts_world_gripper[closing]
     across = np.array([*T[:2, 1], 0.0])
-    if np.linalg.norm(across) < 0.3:  # The fingers close up and down.
+    if np.linalg.norm(across) < 0.3:  # The fingers close vertically.
         across = np.array([*T[:2, 2], 0.0])
     view = np.stack([across / max(float(np.linalg.norm(across)), 1e-9), [0.0, 0.0, 1.0]])
     models = {i.instance_id: problem.models[i.obj_id].points for i in problem.instances}

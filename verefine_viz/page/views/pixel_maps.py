@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from verefine_viz.page.workspace import Workspace
 
 MARGIN_PX = 12
-"""Shown around what has numbers."""
+"""Margin around the pixels with numbers."""
 ALIGNED = 8
 """Offsets of arrays in their blob are multiples of it."""
 LEAST_DEPTH_M = 0.05
-"""Half the range of the depth scale at least."""
+"""Least half range of the depth scale."""
 
 
 def maps(space: Workspace, want: MapsWanted, blobs: Blobs) -> MapsAnswer:
@@ -74,7 +74,7 @@ def score_numbers(score: PoseScore, errors: PoseErrors | None) -> ScoreNumbers:
 
 
 def region_of(pixels: ScoreMaps, targets: list[Target]) -> Box:
-    """[u0, v0, width, height] around the masks, what is rendered and what is scored; within the image."""
+    """[u0, v0, width, height] around the masks, the rendered and the scored pixels; within the image."""
     shown: Mask = (pixels.rendered_m > 0) | pixels.counted
     for target in targets:
         shown |= target.instance.mask
@@ -105,7 +105,7 @@ def cut(pixels: ScoreMaps, region: Box) -> dict[str, NDArray[Any]]:
 
 
 def packed(images: dict[str, NDArray[Any]], blobs: Blobs) -> tuple[str, list[StoredArray]]:
-    """Key of one blob with all arrays, and where each lies in it."""
+    """Key of one blob with all arrays, and the position of each in it."""
     content, table = bytearray(), list[StoredArray]()
     for name, image in images.items():
         kind = image.dtype.newbyteorder("<")

@@ -1,4 +1,4 @@
-"""What was measured at a pixel, and its distance to the objects where they stand: answer to the want ``point``."""
+"""The point measured at a pixel, and its distance to the objects at their poses: answer to the want ``point``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from verefine_viz.page.workspace import Workspace
 
 DistanceOf = Callable[[Float, Target, Float, float], float]
-"""Gives by how much a point (3,) lies outside of a target at T_cam_obj, of a depth tolerance; NaN out of reach [m]."""
+"""Distance [m] of a point (3,) from the surface of a target at T_cam_obj, positive outside; NaN beyond reach, which
+follows from the depth tolerance."""
 
 
 def point(space: Workspace, want: p.PointWanted, blobs: Blobs, distance_of: DistanceOf) -> PointAnswer:

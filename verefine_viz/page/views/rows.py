@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 
 def run_message(branch: Branch, first: int, oldest: Branch) -> RunMessage:
-    """Return the iterations after the ``first``, and what holds of the whole run so far.
+    """Return the iterations after the ``first``, and facts about the whole run so far.
 
-    Where another branch than the ``oldest`` begins with other poses than that, message ``frame`` does not have them.
+    Initial poses that differ from those of the ``oldest`` branch are included, as message ``frame`` lacks them.
     """
     run = branch.run
     return RunMessage(
@@ -74,7 +74,9 @@ def initial_poses(branch: Branch, target: Target) -> list[InitialPose]:
 
 
 def _never_reached(branch: Branch) -> tuple[str, ...]:
-    """Note what lies behind the end of the run; nothing while a change on the way may still make it longer."""
+    """Return notes on settings and edits beyond the end of the run; none while a change on the way may still make it
+    longer.
+    """
     run = branch.run
     if any(run.length < change.after_iteration <= run.n_iterations for change in branch.changes):
         return ()
@@ -82,7 +84,7 @@ def _never_reached(branch: Branch) -> tuple[str, ...]:
 
 
 def _other_start(branch: Branch, oldest: Branch) -> dict[int, list[InitialPose]] | None:
-    """Return by instance what hypotheses begin with, where the oldest branch has others, or scores them otherwise."""
+    """Return the initial poses by instance, where they or their scores differ from the oldest branch's."""
     begun = {t.instance.instance_id: initial_poses(oldest, t) for t in oldest.run.problem.targets}
     start = {t.instance.instance_id: initial_poses(branch, t) for t in branch.run.problem.targets}
     return {own: poses for own, poses in start.items() if poses != begun.get(own)} or None

@@ -1,7 +1,7 @@
-"""The objects over the frames of a scene, as columns of numbers, with what stands out: the want ``sequence``.
+"""The objects over the frames of a scene, as columns of numbers with their marks: the want ``sequence``.
 
-From the batch that is open, also where it is of a watched folder; else from what another program recorded; else from
-the frames that were solved here.
+The source is the open batch, which may be of a watched folder; else what another program recorded; else the frames that
+were solved here.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 OF_MOTION = ("moved_mm", "turned_deg")
 OF_ROW = ("score", "recorded_score", "undetermined_mm", "missing_depth")
 OF_ANSWER = {"err": "add_s_mm", "share": "relative_error", "colour_fit": "colour_fit"}
-"""What a frame says of an object, by the names of the arrays."""
+"""Numbers of an object in a frame: fields of its answer by the names of the arrays."""
 STATES = ("nothing", "pose", "no pose", "not solved")
 LEGEND = {
     "flip": f"turned by more than {FLIP_DEG:.0f}° to where its shape nearly looks the same "
@@ -54,7 +54,7 @@ class Followed:
     answers: Mapping[tuple[str, int | None, int | None], tuple[int, Answer]]
     """By frame, model and instance: key in the gallery, -1 = in none, and the answer."""
     is_sequence: bool
-    """Whether what changes from frame to frame means anything."""
+    """Whether the frames follow each other in time, so that changes between them mean motion."""
 
 
 def sequence(space: Workspace, want: p.SequenceWanted, blobs: Blobs) -> SequenceAnswer:
@@ -97,7 +97,7 @@ def sequence(space: Workspace, want: p.SequenceWanted, blobs: Blobs) -> Sequence
 
 
 def _columns(found: Followed, tracks: Sequence[MotionTrack], place: Mapping[str, int]) -> dict[str, NDArray[Any]]:
-    """Return arrays (lanes, frames) by name; numbers that nothing knows are left out, unknown ones NaN."""
+    """Return arrays (lanes, frames) by name; unknown numbers are NaN, and an array without any number is left out."""
     shape = len(tracks), len(place)
     numbers = {name: np.full(shape, np.nan, np.float32) for name in (*OF_MOTION, *OF_ROW, *OF_ANSWER)}
     states, keys = np.zeros(shape, np.uint8), np.full(shape, -1, np.int32)
@@ -123,7 +123,7 @@ def _state(row: MotionRow) -> int:
 
 
 def _of_batch(runs: Mapping[str, BatchIndex], run: str) -> Followed:
-    """Return the objects of a batch's frames, in whatever order these are."""
+    """Return the objects of a batch's frames, which may be in any order."""
     if run not in runs:
         raise InputError(unknown("run", run, runs))
     entries = ((name, row) for name, index in runs.items() for row in index.rows)
@@ -134,7 +134,9 @@ def _of_batch(runs: Mapping[str, BatchIndex], run: str) -> Followed:
 
 
 def _here(space: Workspace) -> Followed:
-    """Return what another program recorded, with our numbers of the frames that were solved here; else these alone."""
+    """Return what another program recorded, with our numbers for the frames that were solved here; without a recording,
+    those frames alone.
+    """
     solved = {frame: _solved(space, frame, pairs) for frame, pairs in space.solved.items()}
     recorded = _recorded(space, solved)
     if len(recorded) > 1:

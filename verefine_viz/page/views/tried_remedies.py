@@ -19,13 +19,15 @@ AnswerKey = tuple[str, str, int | None]
 
 
 def fix_message(gallery: Gallery, state: FixState, target: Path) -> FixMessage:
-    """Return how far remedies are tried, and their table once it is there; ``target`` holds their batches."""
+    """Return the progress of the remedies being tried, and their table once it exists; ``target`` holds their
+    batches.
+    """
     table = None if state.table is None else fix_shown(state.table, keys_of(gallery), target)
     return FixMessage(state.is_running, state.done, state.total, state.fault, table)
 
 
 def keys_of(gallery: Gallery) -> dict[AnswerKey, int]:
-    """Return the places of answers in a gallery."""
+    """Return the indices of answers in a gallery."""
     return {
         (gallery.runs[entry.run].folder.name, entry.row.frame, entry.row.instance_id): key
         for key, entry in enumerate(gallery.entries)
@@ -33,7 +35,7 @@ def keys_of(gallery: Gallery) -> dict[AnswerKey, int]:
 
 
 def fix_shown(table: FixTable, keys: Mapping[AnswerKey, int], target: Path | None) -> FixShown:
-    """Return a table as the page shows it; without ``target``, its batches are not opened."""
+    """Return a table for the page; without ``target``, its batches are not opened."""
     return FixShown([_line(row, table) for row in table.rows], [_answer(one, keys, target) for one in table.answers])
 
 

@@ -2,13 +2,13 @@
 import { state, setView, update, send } from "./store.js";
 import { runOf } from "./moment.js";
 
-// Within known rows actions only change the view; at the end they ask for more, and the cursor follows.
+// Within known rows, actions only change the view; at the end they request more rows, and the cursor follows.
 
 const ofIteration = { stage: null, moment: null, arm: null, edited: null };
-let stageNext = false; // the next row that comes is shown stage by stage
+let stageNext = false; // whether the next row is shown stage by stage
 /** @type {number | null} */
-let target = null; // the iteration that a link names, while its rows are yet to come
-let pinned = false; // a link's iteration is shown: rows that come do not move the view
+let target = null; // the iteration that a link names, until its rows have come
+let pinned = false; // whether a link's iteration is shown, so that new rows do not move the view
 let timer = null;
 
 const isKnown = () => state.runs.has(state.view.branch);
@@ -98,7 +98,7 @@ export function toNextEvent(direction = 1) {
   seek(direction > 0 ? known() : 0);
 }
 
-// Shows iteration k, now or when its rows are there.
+// Shows iteration k, now or once its rows have come.
 /** @param {number} k */
 export function goTo(k) {
   stopReplay();
@@ -107,7 +107,7 @@ export function goTo(k) {
   setView({ k: Math.min(k, known()) });
 }
 
-// Plays the known rows; `state.speed` iterations a second.
+// Plays the known rows, `state.speed` iterations per second.
 export function replay() {
   stopReplay();
   if (!known()) return;
@@ -139,6 +139,6 @@ export function followed(wasAtEnd, branch) {
   } else if ((pinned || !wasAtEnd) && state.view.k <= known()) return;
   const stage = stageNext && k > 0 ? runOf(state).rows[k - 1].stages[0].name : null;
   stageNext = stageNext && k === 0;
-  if (state.view.edited) return; // what is edited is not taken away
+  if (state.view.edited) return; // an edited pose stays in view
   setView({ k, moment: null, arm: null, stage, edited: null });
 }

@@ -1,5 +1,5 @@
-// A pose that is edited, in the photo or in 3D: its moves with undo and redo, the bar under the photo with what comes of
-// it, and the branches that begin there.
+// Editing a pose, in the photo or in 3D: its moves with undo and redo, the bar under the photo with the result of
+// refining it, and the branches that begin there.
 import { html } from "htm/preact";
 import { useEffect, useState } from "preact/hooks";
 import { state, setView, send, listen, useStore } from "./store.js";
@@ -16,7 +16,7 @@ import { between, displaced, displacement, origin, receded, shifted, turned } fr
 
 const STEP_M = 0.5e-3; // of an arrow key
 const STEP_RAD = (0.5 * Math.PI) / 180;
-const PAUSE_MS = 100; // without a move, after which it is worked out where refining ends
+const PAUSE_MS = 100; // without a move, after which the result of refining is requested
 
 const editable = ({ poses }) => (state.view.edited ? null : poses.edited) ?? poses.accepted ?? poses.current ?? poses.best ?? poses.initial;
 export function edit() {
@@ -33,9 +33,9 @@ export function moveTo(T, gesture = null) {
 }
 export const turnedBy = (T, across, down) => turned(turned(T, [0, -1, 0], across), [1, 0, 0], down);
 
-// Arrows: x and y in the image; with Shift turns as a drag with Shift; with Ctrl depth, and a turn about the line of sight.
+// Arrows: x and y in the image; with Shift, turns as a Shift-drag; with Ctrl, depth, and a turn about the line of sight.
 function nudge(event, x, y) {
-  if (!state.view.edited) edit(); // a label is moved at once
+  if (!state.view.edited) edit(); // a label needs no "edit" first
   const { T } = state.view.edited;
   if (event.shiftKey) moveTo(turnedBy(T, x * STEP_RAD, y * STEP_RAD));
   else if (event.ctrlKey || event.metaKey) moveTo(x ? turned(T, origin(T), x * STEP_RAD) : receded(T, -y * STEP_M));
@@ -49,20 +49,20 @@ const snap = () => {
   return end && moveTo(end.T);
 };
 
-// What begins at the edited pose: a run of its own, or what is left of this one.
+// Begins a run at the edited pose: one of its own, or the rest of this one.
 function refineHere({ branch, k }) {
   const { obj, T } = state.view.edited;
   send({ verb: "refine", branch, k, obj, T, run: true });
 }
 function goOn({ branch, k }) {
   const { obj, arm, T } = state.view.edited;
-  // The server takes the edited pose from the view once it is in a branch.
+  // The server removes the edited pose from the view once it is in a branch.
   send({ verb: "fork", branch, k, changes: {}, edit: { obj, arm, T } });
 }
 const hasIterationsLeft = ({ run, obj, k }) => !run.over || rowsOf(run, obj).some((row) => row.k > k);
 
-// A pause: where refining ends is asked for, and the next move is another step.
-let last = null; // the pose that was there when a listener was called last
+// After a pause the result of refining is requested, and the next move is a new step of undo.
+let last = null; // the pose at the last call of the listener
 let timer = null;
 listen(() => {
   const T = state.view.edited?.T ?? null;
@@ -72,7 +72,7 @@ listen(() => {
   if (T) timer = setTimeout(() => state.view.edited && setView({ edited: rested(state.view.edited) }), PAUSE_MS);
 });
 
-// A moved pose that goes because another moment is shown can be taken back.
+// A moved pose that is dropped because another moment is shown can be restored.
 let lastView = state.view;
 listen(() => {
   const [before, now] = [lastView, state.view];
@@ -108,14 +108,14 @@ export function useEditKeys() {
 
 // The bar under the photo
 
-// How far it was moved and turned from where the editing began, to read and to type.
+// Shift and turn since the editing began, to read and to type.
 function Displacement({ from, T }) {
   const [axes, setAxes] = useState("camera");
   const [shift, turn] = displacement(from, T, axes);
   const field = (value, i, list, type) => html`<input key=${i} type="text" inputmode="decimal" aria-label=${`${type} ${"xyz"[i]}`}
     title=${`${type} ${"xyz"[i]}`} value=${(Math.round(value * 100) / 100 + 0).toString()} onChange=${(e) => {
       const typed = Number(e.currentTarget.value.replace("−", "-"));
-      const next = list.map((x, j) => (j === i ? typed : x)); // what is not typed keeps its hidden decimals
+      const next = list.map((x, j) => (j === i ? typed : x)); // numbers not typed keep their hidden decimals
       const most = type === "moved" ? 10000 : 180;
       if (Number.isFinite(typed) && Math.abs(typed) <= most) moveTo(displaced(from, ...(list === shift ? [next, turn] : [shift, next]), axes));
       e.currentTarget.value = value.toFixed(2);
@@ -129,7 +129,7 @@ const fitWords = ({ depth_fit: depth, normal_fit: normals }) =>
   (depth == null ? "" : `d ${depth.toFixed(2)} n ${normals.toFixed(2)}`);
 const HOW = "drag: move · wheel: depth · Shift: turn · Alt: spin. Arrows: 0.5 mm, with Shift 0.5°, with Ctrl depth and spin";
 
-// Where refining from here ends, and whether it can stand there.
+// The result of refining from here, and whether that pose is stable.
 function RefinedFromHere({ T }) {
   const [end] = useStore((s) => [momentOf(s) && endOf(s, momentOf(s))]);
   const way = end && between(T, end.T);
@@ -141,7 +141,7 @@ function RefinedFromHere({ T }) {
     ${!isLabelling(state) && html`<${Button} title="take this pose (Enter)" disabled=${!end} onClick=${snap}>Snap<//>`}</div>`;
 }
 
-// From where it began, and the score of where it is.
+// The change since the beginning, and the present score.
 function EditedPose({ from, edit, before }) {
   const [a, b] = useStore((s) => ["a", "b"].map((x) => sidesOf(momentOf(s))[x]));
   const { mm, deg } = between(from, edit.T);

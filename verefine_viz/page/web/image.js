@@ -1,5 +1,5 @@
-// The image pane: photo or depth, a map or the shaded model over it, outlines of poses; wiped, blinked, measured; and a
-// pose that is moved by the mouse.
+// The image pane: photo or depth, with a map or the shaded model and outlines of poses over it; wiping, blinking,
+// measuring; and moving a pose by the mouse.
 import { html } from "htm/preact";
 import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { state, setView, update, listen, useStore } from "./store.js";
@@ -22,7 +22,7 @@ import { dragged, origin, project, receded, turned } from "./pose.js";
 const MARGIN = 0.25; // shown around the object, as a share of its size
 const LEGEND = 11.5; // rem, left of the object; a narrow pane gives it less
 const LEGEND_SHARE = 0.33;
-const NEAR_PX = 7; // how near the divider is taken
+const NEAR_PX = 7; // how near a press takes the divider
 const FAR_PX = 3; // a click that moved more is a drag
 const TURN = (0.4 * Math.PI) / 180; // radians a pixel of a drag
 const NOTCH_MM = 1;
@@ -31,10 +31,10 @@ const BLINK_MS = 450;
 const DEFAULTS = {
   under: "photo", // or depth
   over: "none", // shaded, or the name of a map
-  side: null, // whose; null = that of the answer where the other is ground truth
+  side: null, // whose map or model; null = the answer's where the other is ground truth
   opacity: 0.75,
-  wipe: "off", // photo: picture | what is over it; ab: A | B
-  at: 0.5, // of the width, where the divider is
+  wipe: "off", // photo: picture | overlay; ab: A | B
+  at: 0.5, // place of the divider, as a share of the width
   blink: null, // what is shown just now: photo, a or b; null = nothing blinks
   hidden: ["hypotheses", "mask", "plane"],
 };
@@ -47,8 +47,8 @@ const layersOf = (s) => {
 const setLayers = (patch) => setView({ layers: { ...state.view.layers, ...patch } });
 const shownSides = (s) => sidesOf(momentOf(s));
 
-// Where the image is in the pane: a scale [CSS pixels a pixel] and the place of pixel 0, 0. `zoom` is null (the object
-// is fitted in), "image", or a middle and a scale relative to the fitted image: all follow the size of the window.
+// Place of the image in the pane: its scale [CSS pixels per pixel] and the position of pixel 0, 0. `zoom` is null (the
+// object is fitted in), "image", or a middle and a scale relative to the fitted image: all follow the window's size.
 
 function placeOf(zoom, size, camera, box) {
   const whole = Math.min(size.w / camera.w, size.h / camera.h);
@@ -61,7 +61,7 @@ function placeOf(zoom, size, camera, box) {
   const around = 1 + 2 * (fitsObject ? MARGIN : 0);
   const left = fitsObject ? Math.min(LEGEND * size.rem, LEGEND_SHARE * size.w) : 0;
   const scale = Math.max(Math.min((size.w - left) / (u1 - u0), size.h / (v1 - v0)) / around, whole);
-  // The middle of the box in the middle of what is beside the legend; but nothing beside the image where there is enough of it.
+  // The box is centred in the space beside the legend, unless the image would then leave part of the pane empty.
   const start = (all, area, middle, from = 0) =>
     scale * all > area
       ? Math.min(Math.max((from + area) / 2 - scale * middle, area - scale * all), 0)
@@ -75,7 +75,7 @@ const zoomOf = (place, size, camera) => ({
   v: (size.h / 2 - place.y) / place.scale,
 });
 
-// Closer by a factor, about a point of the pane.
+// Zooms in by a factor, about a point of the pane.
 export function zoomed(place, factor, { x, y }, least, most) {
   const scale = Math.min(Math.max(place.scale * factor, least), most);
   const by = scale / place.scale;
@@ -133,7 +133,7 @@ export function inImage(u, v) {
   return pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < w && pixel[1] < h ? /** @type {[number, number]} */ (pixel) : null;
 }
 
-// Whether a place of the image lies on the label in hand: a drag there moves it.
+// Whether a point of the image lies on the label in hand, so that a drag there moves it.
 function isOnLabel(u, v) {
   const label = labelInHand(state);
   const path = label && outlineOf(label.obj, label.T);
@@ -144,14 +144,14 @@ const clamped = ({ u, v }) => {
   return /** @type {[number, number]} */ ([Math.min(Math.max(Math.floor(u), 0), w - 1), Math.min(Math.max(Math.floor(v), 0), h - 1)]);
 };
 
-// What a drag does that begins at a place, beside the divider.
+// The kind of a drag that begins at a point, off the divider.
 function kindOf(event, { u, v, pixel }) {
   if (modelInHand(state) && pixel) return "sketch";
   if (!state.view.edited && !isOnLabel(u, v)) return event.shiftKey ? "ruler" : "pan";
   return event.shiftKey ? "turn" : event.ctrlKey || event.altKey ? "spin" : "move";
 }
 
-// What each kind of drag does at each move.
+// The action of each kind of drag at each move.
 const dragsOf = (here, setPlace) => ({
   wipe: ({ now }) => setLayers({ at: Math.min(Math.max(now.x / here.current.size.w, 0), 1) }),
   sketch: ({ now }) => update({ sketch: sketchedTo(state.sketch, clamped(now)) }),
@@ -166,7 +166,7 @@ const dragsOf = (here, setPlace) => ({
   },
 });
 
-// `here.current` holds the pane's size, where the image is in it, and the drag that goes on.
+// `here.current` holds the pane's size, the image's place in it, and the current drag.
 function handlers(canvas, here) {
   const at = (event) => {
     const box = canvas.current.getBoundingClientRect();
@@ -345,7 +345,7 @@ function Picture() {
     draw(canvas.current, size, place, moment, sidesOf(moment), layersOf(state));
     prepareAhead();
   };
-  // Whatever changes, it is drawn at most once per animation frame: the store takes care of that.
+  // Drawn at most once per animation frame, however much changes: the store sees to that.
   useEffect(() => listen(() => paint.current()), []);
   useLayoutEffect(() => paint.current(), [size]);
   useKeys();
@@ -374,7 +374,7 @@ function Acts() {
     ${isThere && html`<${Button} engine title="move the pose by the mouse (P)" on=${edits} onClick=${toggleEdit}>Edit pose<//>`}</div>`;
 }
 
-// What a press does while a model is chosen.
+// The action of a press while a model is chosen.
 function Placing() {
   const [model, scribbles, placing] = useStore((s) => [modelInHand(s), s.view.scribbles, s.placing]);
   if (!model) return null;

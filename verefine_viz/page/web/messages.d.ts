@@ -35,7 +35,7 @@ export interface HelloMessage {
   window: number;
   version: string;
   palette: Palette;
-  /** Below this share of the diameter a pose is right. */
+  /** A pose is right below this share of the diameter. */
   correct: number;
 }
 
@@ -75,7 +75,7 @@ export interface PixelClass {
   words: string;
 }
 
-/** What a page as a file holds. */
+/** Content of a page in a file. */
 export interface FileMessage {
   t: "file";
   /** Opens the same in the program. */
@@ -86,10 +86,10 @@ export interface FileMessage {
   scene: boolean;
 }
 
-/** What is open; sent again when another frame or session is opened, and then all that the page knew is void. */
+/** The open frame; sent again when another frame or session is opened, which replaces all that the page knew. */
 export interface FrameMessage {
   t: "frame";
-  /** Another one each time something is opened. */
+  /** New each time something is opened. */
   id: number;
   title: string;
   /** As `scene/image`, such as 50/1. */
@@ -115,14 +115,14 @@ export interface FrameMessage {
   depth: string;
   /** Blob of uint8 h×w×3, the photo as the colour term sees it; null where no model has colours. */
   smoothed: string | null;
-  /** In the order to solve them, those left out last. */
+  /** In solving order, those left out last. */
   objects: FrameObject[];
   support: SupportPlane | null;
   order: SolvingOrder | null;
   notes: string[];
   /** Empty where they are not known yet; `doubts` brings them. */
   doubts: DoubtShown[];
-  /** Settings with which nothing of the data is put right, by dotted name; none where nothing is. */
+  /** Settings by dotted name that switch off all corrections of the data; empty where there are none. */
   as_read: Record<string, unknown>;
   session_file: string | null;
   recording: string | null;
@@ -144,12 +144,12 @@ export interface Camera {
 
 /** An instance of the frame; one that is left out has neither mask nor poses. */
 export interface FrameObject {
-  /** null of one that is left out and has none. */
+  /** null where one that is left out has none. */
   id: number | null;
   obj_id: number;
   label: string;
   color: string;
-  /** Which of the groups of `order` it is in, from 1; 0 = left out. */
+  /** Number of its group in `order`, from 1; 0 = left out. */
   cluster: number;
   diameter_mm: number | null;
   symmetric: boolean;
@@ -157,7 +157,7 @@ export interface FrameObject {
   gt: Pose | null;
   /** Score of the ground-truth pose. */
   gt_score: number | null;
-  /** Share that is not hidden, 0 to 1, where the data set gives it. */
+  /** Visible share, 0 to 1, where the data set gives it. */
   visible: number | null;
   /** [u0, v0, u1, v1] of the mask, u1 and v1 beyond it. */
   box: [number, number, number, number] | null;
@@ -179,11 +179,11 @@ export interface InitialPose {
   /** Error of the translation. */
   mm: number | null;
   plays: number;
-  /** Mean reward that the hypothesis begins with. */
+  /** Mean reward with which the hypothesis begins. */
   mean: number;
-  /** Where it comes from: an estimator, a results file, disturbed ground truth. */
+  /** Its source: an estimator, a results file, disturbed ground truth. */
   source: string;
-  /** What its source says of it, in a scale of its own. */
+  /** Score by its source, on that source's own scale. */
   confidence: number | null;
 }
 
@@ -195,7 +195,7 @@ export interface SupportPlane {
   rms_mm: number;
   /** Between its normal and gravity. */
   tilt_deg: number;
-  /** Numbers of the unknown objects that stand around. */
+  /** Numbers of the unknown objects around. */
   unknown: number[];
   /** Outline of the part that was seen, in the image. */
   outline: number[];
@@ -203,9 +203,9 @@ export interface SupportPlane {
   inliers: string;
 }
 
-/** In which order objects are solved, and why. */
+/** The order in which objects are solved, and why. */
 export interface SolvingOrder {
-  /** Instances that are solved together, each group in its order. */
+  /** Groups of instances that are solved together, each group in its order. */
   clusters: number[][];
   /** The rule: recommended, published or given. */
   source: string;
@@ -226,7 +226,7 @@ export interface OrderEdge {
   state: "ambiguous" | "cut" | "used";
 }
 
-/** What of the frame's data does not fit together. */
+/** A doubt: frame data that do not fit together. */
 export interface DoubtShown {
   kind: string;
   /** For a badge. */
@@ -235,9 +235,9 @@ export interface DoubtShown {
   text: string;
   /** The objects that show it; empty: the whole frame. */
   objs: number[];
-  /** What shows it in the image: poses, edges, depth; scene: nothing there, but in 3D. */
+  /** How it shows in the image: poses, edges, depth; scene: only in 3D. */
   picture: string;
-  /** Settings by dotted name with which a restart puts the data right; null where none do. */
+  /** Settings by dotted name with which a restart corrects the data; null where there are none. */
   put_right: Record<string, unknown> | null;
 }
 
@@ -287,7 +287,7 @@ export interface ThresholdSettings {
   error_grows_by_mm: number | null;
 }
 
-/** What can be chosen. */
+/** The settings and their choices. */
 export interface Choices {
   methods: MethodChoice[];
   refiners: string[];
@@ -311,17 +311,17 @@ export interface EditableSetting {
   name: string;
   kind: "bool" | "choice" | "float" | "int" | "text";
   value: boolean | number | string;
-  /** What the preset has. */
+  /** Value in the preset. */
   standard: boolean | number | string;
   choices: (boolean | number | string)[] | null;
-  /** Whether it is one of those that are changed most. */
+  /** Whether it is one of the settings that are changed most. */
   common: boolean;
   /** Whether it may change during a run. */
   can_fork: boolean;
   help: string;
 }
 
-/** Which branches there are, the oldest first. */
+/** The branches, the oldest first. */
 export interface BranchesMessage {
   t: "branches";
   list: BranchListed[];
@@ -333,16 +333,16 @@ export interface BranchListed {
   index: number;
   name: string;
   parent: number | null;
-  /** The iteration of the parent after which it leaves it. */
+  /** The parent's iteration after which it forks. */
   from: number;
-  /** Iterations after which other settings of the score hold, from 0. */
+  /** Iterations after which settings of the score changed, beginning with 0. */
   scored: number[];
   recording: string | null;
-  /** What its recording lacks, in words; "" where it is whole. */
+  /** What its recording lacks, in words; "" where it is complete. */
   missing: string;
-  /** Iterations that are there. */
+  /** Iterations made so far. */
   done: number;
-  /** Iterations when it is over. */
+  /** Iterations at its end. */
   total: number;
   over: boolean;
   method: string;
@@ -358,7 +358,7 @@ export interface BranchListed {
 
 /** Settings that changed on the way. */
 export interface SettingsChange {
-  /** They hold after this iteration. */
+  /** The settings hold after this iteration. */
   k: number;
   /** Values by dotted name. */
   settings: Record<string, unknown>;
@@ -380,7 +380,7 @@ export interface ComparedBranches {
   b: number;
 }
 
-/** Iterations of a branch, appended to those that a window has; `from` 0 begins again. */
+/** Iterations of a branch, appended to those of the window; `from` 0 replaces all. */
 export interface RunMessage {
   t: "run";
   branch: number;
@@ -388,12 +388,12 @@ export interface RunMessage {
   from: number;
   total: number;
   over: boolean;
-  /** What a recording lacks, in words; "" where it is whole. */
+  /** What the recording lacks, in words; "" where it is complete. */
   missing: string;
   rows: IterationRow[];
-  /** By object, initial poses where they differ from the oldest branch's, or are scored otherwise. */
+  /** Initial poses by object, where they or their scores differ from the oldest branch's. */
   start: Record<string, InitialPose[]> | null;
-  /** All of the branch so far. */
+  /** All marks of the branch so far. */
   marks: Mark[];
   notes: string[];
 }
@@ -403,9 +403,9 @@ export interface IterationRow {
   k: number;
   obj: number;
   arm: number;
-  /** Its number among the iterations of this arm. */
+  /** Its number among this arm's iterations. */
   n: number;
-  /** Its number among those of this object. */
+  /** Its number among this object's iterations. */
   own: number;
   pass: number | null;
   cluster: number;
@@ -421,7 +421,7 @@ export interface IterationRow {
   arms: ArmState[];
   /** Number of simulated poses. */
   path: number | null;
-  /** Other objects that stood there. */
+  /** Other objects, at their places in the scene. */
   placed: PlacedObject[];
   scene: ScenePass | null;
   tree: SearchStep | null;
@@ -431,7 +431,7 @@ export interface IterationRow {
   text: string;
 }
 
-/** A pose on the way through an iteration; parts of the score are null where it was not scored. */
+/** A pose at one stage of an iteration; parts of the score are null where it was not scored. */
 export interface ScoredStage {
   name: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated";
   score: number | null;
@@ -463,11 +463,11 @@ export interface BestPose {
   T: Pose;
 }
 
-/** The bandit's numbers as they were when it chose, over the arms; null where an arm was not played. */
+/** The bandit's numbers at its choice, one per arm; null where an arm was not played. */
 export interface ArmChoice {
   plays: number[];
   mean: (number | null)[];
-  /** What makes arms that were played seldom come next. */
+  /** Bonus for arms that were seldom played. */
   bonus: (number | null)[];
   /** mean + bonus. */
   ucb: (number | null)[];
@@ -483,26 +483,26 @@ export interface ArmState {
   T: Pose;
 }
 
-/** An object that stood there. */
+/** Another object at its place in the scene. */
 export interface PlacedObject {
   obj: number;
   T: Pose;
 }
 
-/** What closes a pass over the objects of a cluster. */
+/** The outcome of a pass over the objects of a cluster. */
 export interface ScenePass {
   number: number;
-  /** Score of the poses of this pass together. */
+  /** Score of this pass's poses as a scene. */
   score: number;
-  /** Score of each object's best pose so far, together. */
+  /** Score of the objects' best poses so far, as a scene. */
   best_known: number;
-  /** What the arms that were chosen got. */
+  /** Reward of the chosen arms. */
   reward: number;
-  /** The highest of all passes. */
+  /** The highest score of all passes so far. */
   incumbent: number;
 }
 
-/** What an iteration did to the search tree. */
+/** A step of the search tree. */
 export interface SearchStep {
   cluster: number;
   /** Nodes from the root to the one visited. */
@@ -511,7 +511,7 @@ export interface SearchStep {
   node: SearchNode | null;
   /** Why each node after the root was chosen, in words. */
   choices: string[];
-  /** The rest of the scene as it was completed. */
+  /** The other objects of the completed scene. */
   rollout: PlacedObject[];
   /** Pixels of the complete scene that are not explained. */
   cost: number;
@@ -529,7 +529,7 @@ export interface SearchNode {
   lcp: number;
 }
 
-/** An iteration that is worth a look, on the timeline. */
+/** A mark on the timeline: an iteration that is worth a look. */
 export interface Mark {
   k: number;
   obj: number;
@@ -538,7 +538,7 @@ export interface Mark {
   tone: "best" | "edited" | "flip" | "problem" | "rejected" | "switched";
 }
 
-/** What came of a run that is over, and why; sent again when physics or the score around the answers are known. */
+/** The outcome of a finished run, and why; sent again when physics or the score around the answers is known. */
 export interface VerdictMessage {
   t: "verdict";
   branch: number;
@@ -548,11 +548,11 @@ export interface VerdictMessage {
   objects: JudgedObject[];
   scene: JudgedScene;
   doubts: DoubtShown[];
-  /** What makes physics doubtful. */
+  /** Reasons to doubt the physics. */
   notes: string[];
 }
 
-/** What came of one object; without an answer all that belongs to one is null. */
+/** The outcome of one object; without an answer, the fields about the answer are null. */
 export interface JudgedObject {
   obj: number;
   label: string;
@@ -575,13 +575,13 @@ export interface JudgedObject {
   stage: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated" | null;
   T: Pose | null;
   runner_up: RunnerUpPose | null;
-  /** A pose elsewhere that explains the image equally well. */
+  /** A distant pose that explains the image equally well. */
   also_fits: Pose | null;
-  /** null before the score around the answer is known, and where nothing that looks otherwise is allowed. */
+  /** null before the score around the answer is known, and where the image allows no visibly different pose. */
   allowed: AllowedByImage | null;
   /** How the answer came about, in four to six moments. */
   film: MomentShown[];
-  /** null where it is unknown, or ground truth is. */
+  /** null where this or the ground truth is unknown. */
   trained: RefinerRange | null;
 }
 
@@ -595,9 +595,9 @@ export interface FindingShown {
   advice: string;
   /** Settings that may help, by dotted name. */
   try: Record<string, boolean | number | string> | null;
-  /** Whether it is the batch's, which made re-runs. */
+  /** Whether it comes from the batch, which re-ran to find it. */
   by_batch: boolean;
-  /** The evidence, as of its cause (docs/causes.md); errors are ADD(-S) as a share of the diameter. */
+  /** The evidence, in the numbers of its cause (docs/causes.md); errors are ADD(-S) as a share of the diameter. */
   numbers: Record<string, number>;
   /** The tab whose picture of the answer shows it. */
   tab: string;
@@ -608,19 +608,19 @@ export interface FindingShown {
 /** The best pose of another hypothesis. */
 export interface RunnerUpPose {
   arm: number;
-  /** How much less it scores. */
+  /** By how much its score is lower. */
   lead: number;
   apart_mm: number;
   T: Pose;
 }
 
-/** Poses that stand for all that the image cannot tell from an answer. */
+/** Samples of the poses that the image cannot distinguish from an answer. */
 export interface AllowedByImage {
-  /** At most 12: spread along the least certain motion, then those that look alike. */
+  /** At most 12: spread along the least certain motion, then isolated poses that look alike. */
   poses: Pose[];
   /** The least certain motion, in words. */
   words: string;
-  /** Whether they are drawn until they are hidden: the observation cannot tell, or a turn is undetermined by far. */
+  /** Whether they are drawn from the start: the observation is ambiguous, or a turn is far from determined. */
   unasked: boolean;
 }
 
@@ -628,20 +628,20 @@ export interface AllowedByImage {
 export interface MomentShown {
   /** 0 = before the first; the answer stands at the last. */
   k: number;
-  /** The last stage that is shown; null = all of the iteration. */
+  /** The last stage that is shown; null = the whole iteration. */
   stage: "current" | "edited" | "flipped" | "initial" | "mixed" | "refined" | "simulated" | null;
   title: string;
   caption: string;
-  /** What is drawn over the photo: names and colours. */
+  /** The poses that are drawn over the photo: names and colours. */
   legend: [string, [number, number, number]][];
-  /** As the want `film` has it. */
+  /** As in the want `film`. */
   drawn: MomentDrawn;
 }
 
-/** What is drawn of a key moment: `[k, poses, map, layer]`. */
+/** The picture of a key moment: `[k, poses, map, layer]`. */
 export type MomentDrawn = [k: number, poses: [string, Pose][], map: string, layer: string];
 
-/** How far from ground truth a learned refiner was trained to begin, and how far the initial poses are. */
+/** How far from the ground truth a learned refiner was trained to start, and how far the initial poses are. */
 export interface RefinerRange {
   deg: number;
   /** For an object of this size. */
@@ -650,7 +650,7 @@ export interface RefinerRange {
   starts: [number, number][];
 }
 
-/** What came of all objects together. */
+/** The outcome of all objects together. */
 export interface JudgedScene {
   tone: "doubt" | "none" | "right" | "unknown" | "wrong";
   words: string;
@@ -666,31 +666,31 @@ export interface ReadyMessage {
   t: "ready";
 }
 
-/** What of the open frame's data does not fit together, once that is known. */
+/** Doubts about the open frame's data, once they are known. */
 export interface DoubtsMessage {
   t: "doubts";
   doubts: DoubtShown[];
 }
 
-/** What takes long. */
+/** Progress of long work. */
 export interface BusyMessage {
   t: "busy";
-  /** "" = nothing does. */
+  /** What is being done; "" = nothing. */
   text: string;
   /** How much is done, 0 to 1. */
   share: number | null;
   /** Whether it can be given up. */
   cancel: boolean;
-  /** Whether `open` with `hulls` alone begins what is being opened, or the run that waits, again with hulls. */
+  /** Whether `open` with `hulls` alone restarts the opening, or the waiting run, with hulls. */
   hulls: boolean;
   /** Blob of the photo of what is being opened. */
   picture: string | null;
 }
 
-/** Which branches are computed. */
+/** The branches that are being computed. */
 export interface RunningMessage {
   t: "running";
-  /** Whose turn it is. */
+  /** The branch whose turn it is. */
   branch: number | null;
   branches: number[];
   /** The breakpoint at which a run stopped last. */
@@ -698,20 +698,20 @@ export interface RunningMessage {
   remaining_s: number | null;
 }
 
-/** A few words. */
+/** A short message. */
 export interface NoteMessage {
   t: "note";
   text: string;
 }
 
-/** What went wrong; everything is as before. */
+/** An error; everything is as before. */
 export interface ErrorMessage {
   t: "error";
   text: string;
   offer: OfferedVerb | null;
 }
 
-/** What a button does all the same. */
+/** What a button does nevertheless. */
 export interface OfferedVerb {
   words: string;
   verb: AnyVerb;
@@ -723,7 +723,7 @@ export interface Look {
   branch?: number;
   /** Iteration by whose settings poses are scored. */
   k?: number;
-  /** The object in focus; None = there is none: the frame is drawn. */
+  /** The object in focus; None = no object: the frame is drawn. */
   obj?: number | null;
   draw?: DrawnPose[];
   /** Hypotheses of the object in focus. */
@@ -739,7 +739,7 @@ export interface Look {
   /** Where to take the 3D view's camera. */
   camera?: "first" | "object" | "sensor" | null;
   scene?: SceneLook;
-  /** Its ray and what it sees are drawn. */
+  /** Pixel whose ray, and the point that it sees, are drawn. */
   pixel?: [number, number] | null;
   ruler?: [[number, number], [number, number]] | null;
 }
@@ -757,18 +757,18 @@ export interface PathMoment {
   moment?: number | null;
 }
 
-/** The grasp that is drawn: at which pose, by which of the two, and which of its moments. */
+/** The grasp that is drawn: at which pose, by the answer or the ground truth, and at which moment. */
 export interface Grasp {
   T: Pose;
   by?: "pose" | "truth";
   moment?: number;
 }
 
-/** What of a frame the 3D view shows beside poses, and how. */
+/** What the 3D view shows of a frame besides poses, and how. */
 export interface SceneLook {
   hidden?: ("cloud" | "contacts" | "gravity" | "other objects" | "overlaps" | "own colours" | "photo" | "plane")[];
   cloud?: "class" | "distance to model" | "normals" | "photo";
-  /** Side of the box around the object in focus outside of which nothing is shown [diameters]; 4 = everything is. */
+  /** Side of the box around the object in focus to which the view is limited [diameters]; 4 = no limit. */
   box?: number;
   /** Share of the object in focus that is cut away, from the front. */
   cut?: number;
@@ -782,14 +782,14 @@ export interface Step {
   branch?: number;
 }
 
-/** Compute a branch on until it holds k iterations, breakpoints or not. */
+/** Go on computing a branch until it holds k iterations, whatever the breakpoints. */
 export interface Seek {
   verb: "seek";
   k: number;
   branch?: number;
 }
 
-/** Compute a branch on to its end, or to the next event; breakpoints stop both. */
+/** Go on computing a branch to its end, or to the next event; breakpoints stop both. */
 export interface RunVerb {
   verb: "run";
   branch?: number;
@@ -801,7 +801,7 @@ export interface Pause {
   verb: "pause";
 }
 
-/** Give up what takes long, with everything as it was before. */
+/** Cancel long work, leaving everything as it was before. */
 export interface Cancel {
   verb: "cancel";
 }
@@ -811,13 +811,13 @@ export interface Restart {
   verb: "restart";
   branch?: number;
   changes?: Record<string, unknown>;
-  /** Whether other branches, and poses that were edited, may be lost. */
+  /** Whether other branches and edited poses may be lost. */
   discard?: boolean;
   /** Whether it then runs to its end. */
   run?: boolean;
 }
 
-/** Leave a branch after iteration k with changed settings, or from an edited pose. */
+/** Fork a branch after iteration k, with changed settings or from an edited pose. */
 export interface Fork {
   verb: "fork";
   k: number;
@@ -827,25 +827,25 @@ export interface Fork {
   run?: boolean;
 }
 
-/** A pose that takes the place of a hypothesis's current one. */
+/** A pose that replaces the current one of a hypothesis. */
 export interface EditedPose {
   obj: number;
   arm: number;
   T: Pose;
 }
 
-/** Begin a branch in which a pose is the only hypothesis of its object; others begin where they stand. */
+/** Begin a branch in which a pose is the only hypothesis of its object; other objects begin where they stand. */
 export interface Refine {
   verb: "refine";
   obj: number;
   T: Pose;
-  /** The iteration after which the other objects are taken. */
+  /** The iteration after which the other objects' poses are taken. */
   k: number;
   branch?: number;
   run?: boolean;
 }
 
-/** Open something else; one of the fields says what. */
+/** Open something; one of the fields says what. */
 export interface Open {
   verb: "open";
   frame?: string;
@@ -862,7 +862,7 @@ export interface Open {
   beside?: string;
   /** The frames of the open session, to be labelled. */
   label?: boolean;
-  /** Whether physics takes every model for its convex hull, so that nothing has to be decomposed. */
+  /** Whether physics uses the convex hull of every model, so that nothing has to be decomposed. */
   hulls?: boolean;
 }
 
@@ -870,7 +870,7 @@ export interface Open {
 export interface Estimate {
   verb: "estimate";
   obj: number;
-  /** Its name; "session": as the session has it. */
+  /** Name of the estimator; "session": the session's own. */
   estimator: string;
   branch?: number;
 }
@@ -900,15 +900,15 @@ export interface Break {
   changes: Record<string, unknown>;
 }
 
-/** Change the order in which objects are solved, or what is in their way; one of the fields says what. */
+/** Change the order in which objects are solved, or what stops them; one of the fields says what. */
 export interface Order {
   verb: "order";
   branch?: number;
-  /** (first, second, cut): whether what is seen between two instances counts no more. */
+  /** (first, second, cut): whether the edge between two instances is ignored. */
   cut?: [number, number, boolean] | null;
   /** (instance, −1 or 1). */
   move?: [number, number] | null;
-  /** (number of an unknown object, whether it stops nothing). */
+  /** (number of an unknown object, whether it is dropped and stops nothing). */
   drop?: [number, boolean] | null;
   reset?: boolean;
   /** As of `Restart`. */
@@ -951,10 +951,10 @@ export interface OutlinesWanted {
   poses: Pose[];
 }
 
-/** What shows a doubt about the data in the image. */
+/** The evidence of a doubt about the data in the image. */
 export interface DoubtWanted {
   what: "doubt";
-  /** In the list of the frame or the verdict. */
+  /** Index in the list of the frame or the verdict. */
   index: number;
   branch?: number;
 }
@@ -966,7 +966,7 @@ export interface ShadedWanted {
   T: Pose;
 }
 
-/** Whether objects can stand where they are, and what the simulation did. */
+/** Whether the objects' poses are stable, and what the simulation did. */
 export interface PhysicsWanted {
   what: "physics";
   /** The object in focus. */
@@ -974,19 +974,19 @@ export interface PhysicsWanted {
   branch?: number;
   /** Iteration by whose settings it is worked out. */
   k?: number;
-  /** Poses of the focus that are looked at more closely, by name: before and after. */
+  /** Poses of the focus to examine in detail, by name: before and after. */
   poses?: [string, Pose][];
   stands?: Standing[];
-  /** Whether the focus alone is asked about, among the others where they stand. */
+  /** Whether only the focus is examined, among the others at their poses. */
   alone?: boolean;
   /** Iteration whose simulated path is shown. */
   path?: number | null;
 }
 
-/** An object where it stands: `[obj, T, waits]`. */
+/** An object at its current pose: `[obj, T, waits]`. */
 export type Standing = [obj: number, T: Pose, waits: boolean];
 
-/** What was measured at a pixel, and how far it is from the objects where they stand. */
+/** The point measured at a pixel, and its distance from the objects at their poses. */
 export interface PointWanted {
   what: "point";
   pixel: [number, number];
@@ -994,7 +994,7 @@ export interface PointWanted {
   stands?: Standing[];
 }
 
-/** Where refining a pose from here ends: refined, settled and verified among the objects where they stand. */
+/** The result of refining a pose: refined, settled and verified among the other objects at their poses. */
 export interface RefinedWanted {
   what: "refined";
   obj: number;
@@ -1010,7 +1010,7 @@ export interface LandscapeWanted {
   T: Pose;
   branch?: number;
   k?: number;
-  /** Curves along all axes, the map over two of them, or what fits as well. */
+  /** Curves along all axes, the map over two of them, or distant poses that fit as well. */
   part?: "curves" | "other" | "slice";
   /** Axes of the map: across and up. */
   axes?: [number, number];
@@ -1021,7 +1021,7 @@ export interface ComparisonWanted {
   what: "compare";
   a: number;
   b: number;
-  /** Iterations of both: a browser asks again when there are more. */
+  /** Iterations of both that exist: a browser asks again when there are more. */
   done?: [number, number];
 }
 
@@ -1039,7 +1039,7 @@ export interface SequenceWanted {
   run?: string;
   /** null = that of the open frame. */
   scene?: number | null;
-  /** Answers that are there: a browser asks again when there are more. */
+  /** Number of answers so far: a browser asks again when there are more. */
   done?: number;
 }
 
@@ -1048,7 +1048,7 @@ export interface RecordedWanted {
   what: "recorded";
   obj: number;
   branch?: number;
-  /** Iterations that are there: a browser asks again when there are more. */
+  /** Number of iterations so far: a browser asks again when there are more. */
   done?: number;
 }
 
@@ -1083,26 +1083,29 @@ export interface Tag {
   on?: boolean;
 }
 
-/** Try the remedies of causes on the answers of the gallery, end that, or write the session with some of them. */
+/** Try the remedies of causes on the answers of the gallery, end a trial, or write the session with some of them. */
 export interface Fix {
   verb: "fix";
-  /** Whether each is tried on all wrong answers; else on those of its causes. */
+  /** Whether each remedy is tried on all wrong answers; else on those with its causes. */
   every?: boolean;
-  /** Remedies, which are tried together as well; or which are written. */
+  /** Remedies that are also tried together; or that are written. */
   take?: string[];
   /** The session file that is written; "" = none. */
   write?: string;
   stop?: boolean;
 }
 
-/** Put an object of a frame to be labelled where its photo was clicked: upright, at the depth there. */
+/** Place an object in a frame for labelling, where the photo was clicked: upright, at the depth there. */
 export interface Place {
   verb: "place";
   obj_id: number;
   pixel: [number, number];
 }
 
-/** Search for an object inside a box, or on what a scribble covers; the best poses become its candidates. */
+/**
+ * Search for an object inside a box, or on the pixels that a scribble covers; the best poses become its
+ * candidates.
+ */
 export interface Find {
   verb: "find";
   obj_id: number;
@@ -1118,7 +1121,7 @@ export interface Snap {
   T: Pose;
 }
 
-/** Say what a label is, or take it away. */
+/** Set the state of a label, or remove it. */
 export interface Decide {
   verb: "decide";
   obj: number;
@@ -1126,7 +1129,7 @@ export interface Decide {
   note?: string;
 }
 
-/** Take back what was last done to the labels of the frame, or do it again. */
+/** Undo the last change of the frame's labels, or redo it. */
 export interface UndoLabel {
   verb: "undolabel";
   redo?: boolean;
@@ -1146,7 +1149,7 @@ export interface Export {
   out?: string;
   /** Whether uncertain ones are written, too. */
   uncertain?: boolean;
-  /** Objects whose proposed symmetries were confirmed. */
+  /** Objects whose proposed symmetries the user confirmed. */
   symmetries?: number[];
   overwrite?: boolean;
 }
@@ -1155,11 +1158,11 @@ export interface Export {
 export interface WrittenMessage {
   t: "written";
   name: string;
-  /** null: it is only handed to the browser, and stays nowhere else. */
+  /** null: only handed to the browser, and kept nowhere else. */
   path: string | null;
   /** Where it can be downloaded. */
   url: string;
-  /** What it does not hold. */
+  /** What the file does not hold. */
   note: string;
 }
 
@@ -1177,13 +1180,13 @@ export interface PickedMessage {
   v: number;
 }
 
-/** Which window the 3D view follows. */
+/** The window that the 3D view follows. */
 export interface Scene3DMessage {
   t: "scene3d";
   window: number | null;
 }
 
-/** Where this window looks from now on. */
+/** What this window looks at from now on. */
 export interface ViewMessage {
   t: "view";
   patch: ViewPatch;
@@ -1191,7 +1194,7 @@ export interface ViewMessage {
   at?: number | null;
 }
 
-/** What changes of what a window looks at; the rest stays. */
+/** Changes of what a window looks at; the rest stays. */
 export interface ViewPatch {
   branch?: number;
   k?: number;
@@ -1209,7 +1212,7 @@ export interface BreakpointsMessage {
   breakpoints: BreakpointSettings;
 }
 
-/** What a window asked for. */
+/** The answer to a want of a window. */
 export interface AnswerMessage {
   t: "answer";
   /** Id of the want, or of `evaluate`. */
@@ -1220,8 +1223,8 @@ export interface AnswerMessage {
 /**
  * The score of a pose, or of several together, pixel by pixel.
  *
- * Arrays over the region: rendered [m], 0 = none; angle [rad]; f_d; f_n; classes, 0 = none; counted; and of a model
- * with colours correlation and rendered_rgb, which a shared file has only where colour counts. NaN = no value.
+ * Arrays over the region: rendered [m], 0 = none; angle [rad]; f_d; f_n; classes, 0 = none; counted; and for a model
+ * with colours, correlation and rendered_rgb, which a shared file has only where colour counts. NaN = no value.
  */
 export interface MapsAnswer {
   what: "maps";
@@ -1233,14 +1236,14 @@ export interface MapsAnswer {
   arrays: StoredArray[];
 }
 
-/** A score with its parts; they are null where it is not of Eq. 1. */
+/** A score with its parts, which are null for a score other than Eq. 1. */
 export interface ScoreNumbers {
   score: number;
   depth_fit: number | null;
   normal_fit: number | null;
   colour_fit: number | null;
   plausibility: number | null;
-  /** Pixels that count. */
+  /** Number of pixels that count. */
   n: number;
   /** Pixels by class. */
   counts: Record<string, number>;
@@ -1252,29 +1255,29 @@ export interface ScoreNumbers {
 
 /** What the colours of maps are relative to. */
 export interface MapScale {
-  /** Nearest and farthest [m], one for all poses of these objects. */
+  /** Nearest and farthest depth [m], the same for all poses of these objects. */
   depth: [number, number];
   tau_mm: number;
   colour_weight: number;
 }
 
-/** Where an array lies in a blob; `[name, dtype, offset, n, step]`. */
+/** Position of an array in a blob; `[name, dtype, offset, n, step]`. */
 export type StoredArray = [name: string, dtype: string, offset: number, n: number, step: number | null];
 
-/** For each pose that was asked for its polygons. */
+/** Polygons of each pose that was asked for. */
 export interface OutlinesAnswer {
   what: "outlines";
   /** A polygon is [u, v, u, v, …] px, closed; pixel centres are whole. */
   outlines: number[][][];
 }
 
-/** What shows a doubt about the data in the image. */
+/** The evidence of a doubt about the data in the image. */
 export interface DoubtAnswer {
   what: "doubt";
   shapes: DoubtShape[];
 }
 
-/** What is drawn of a doubt: masks, edges of depth, models as the data have them and as they would fit. */
+/** Layers that show a doubt: masks, edges of depth, models as the data place them and as they would fit. */
 export interface DoubtShape {
   role: "edges" | "fits" | "given" | "mask";
   label: string;
@@ -1283,7 +1286,7 @@ export interface DoubtShape {
   polygons: number[][];
 }
 
-/** A model as it would look: RGBA, once or twice as fine as the image. */
+/** A model as it would look: RGBA, at the image's resolution or twice that. */
 export interface ShadedAnswer {
   what: "shaded";
   /** [u0, v0, width, height]. */
@@ -1292,23 +1295,23 @@ export interface ShadedAnswer {
   url: string | null;
 }
 
-/** Whether the objects can stand where they are, and what the simulation did. */
+/** Whether the objects' poses are stable, and what the simulation did. */
 export interface PhysicsAnswer {
   what: "physics";
   /** Why nothing is simulated; "" where it is. */
   empty: string;
   doubts: string[];
   surroundings: SupportAround | null;
-  /** Where each stands. */
+  /** Each object at its current pose. */
   objects: PosePhysics[];
-  /** Poses of the object asked for: before and after, with what a picture needs. */
+  /** Examined poses of the focus: before and after, with the data for a picture. */
   poses: PosePhysics[];
   /** Deepest first. */
   overlaps: OverlappingPair[];
   path: SimulatedMotion | null;
 }
 
-/** What supports and stops the objects. */
+/** The surroundings: what supports and stops the objects. */
 export interface SupportAround {
   /** plane: nothing else; observed: what the depth image shows; mesh: a mesh of the surroundings. */
   source: string;
@@ -1320,14 +1323,14 @@ export interface SupportAround {
 
 /** How well the support plane fits. */
 export interface PlaneFit {
-  /** Share of the background that lies on it. */
+  /** Share of the background on the plane. */
   share: number;
   rms_mm: number;
   /** Between its normal and gravity. */
   tilt_deg: number;
 }
 
-/** An object that the depth image shows and no model explains. */
+/** An object in the depth image that no model explains. */
 export interface UnknownSolid {
   number: number;
   /** Sides of its box, longest first. */
@@ -1336,7 +1339,7 @@ export interface UnknownSolid {
   dropped: boolean;
 }
 
-/** What geometry says of a pose; null where physics is not asked, and of what only a picture needs. */
+/** Geometry of a pose; null where physics is not asked, and for what only a picture needs. */
 export interface PosePhysics {
   obj: number;
   /** The stage of the pose; "" = where the object stands. */
@@ -1354,7 +1357,7 @@ export interface PosePhysics {
   /** Whether friction at the contacts can hold it; null where that is unknown. */
   stable: boolean | null;
   touches: string[] | null;
-  /** From above, as the three below. */
+  /** Footprint, seen from above as the three below. */
   outline: [number, number][] | null;
   /** The support polygon. */
   polygon: [number, number][] | null;
@@ -1363,24 +1366,24 @@ export interface PosePhysics {
   contacts: [number, number][] | null;
 }
 
-/** Two objects that are partly in the same place. */
+/** An overlap of two objects. */
 export interface OverlappingPair {
-  /** The one that is solved later. */
+  /** The object that is solved later. */
   first: number;
   second: number;
   depth_mm: number;
 }
 
-/** What the simulation did in the latest iteration of the object. */
+/** The simulation in the latest iteration of the object. */
 export interface SimulatedMotion {
   k: number;
   /** Number of poses: one more than steps. */
   n: number;
   poses: Pose[];
-  /** From the first pose, at each. */
+  /** Distance from the first pose, at each pose. */
   moved_mm: number[];
   turned_deg: number[];
-  /** At the end of each step, the hardest pressed first. */
+  /** Contacts at the end of each step, the strongest first. */
   contacts: TouchedPartner[][];
   /** Whether the simulator gives contacts. */
   has_contacts: boolean;
@@ -1388,7 +1391,7 @@ export interface SimulatedMotion {
   words: string;
 }
 
-/** What is touched at the end of a step. */
+/** A body that is touched at the end of a step. */
 export interface TouchedPartner {
   name: string;
   /** Contact points. */
@@ -1398,23 +1401,26 @@ export interface TouchedPartner {
   depth_mm: number;
 }
 
-/** Where the centre of mass leaves the support. */
+/** The moment at which the centre of mass leaves the support. */
 export interface TippingMoment {
   step: number;
   overhang_mm: number;
 }
 
-/** What was measured at a pixel, in the camera frame; null where nothing was. `obj`: whose surface is nearest. */
+/**
+ * The point measured at a pixel, in the camera frame; null where nothing was measured. `obj`: the object with the
+ * nearest surface.
+ */
 export interface PointAnswer {
   what: "point";
   point_mm: [number, number, number] | null;
   normal: [number, number, number] | null;
-  /** Distance to the nearest surface of an object where it stands, negative inside; null beyond three times τ. */
+  /** Distance to the nearest surface of an object at its pose, negative inside; null beyond three times τ. */
   residual_mm: number | null;
   obj: number | null;
 }
 
-/** Where refining a pose ends, and what verifies it. */
+/** The result of refining a pose, with its verification. */
 export interface RefinedAnswer {
   what: "refined";
   /** The proposed pose itself where nothing scores higher. */
@@ -1422,7 +1428,7 @@ export interface RefinedAnswer {
   score: ScoreNumbers;
   /** Score of the proposed pose. */
   before: ScoreNumbers;
-  /** Whether it can stand there; grey where no support is known or physics is off. */
+  /** Whether the pose is stable; grey where no support is known or physics is off. */
   tone: "amber" | "green" | "grey" | "red";
   /** The change in words. */
   words: string;
@@ -1434,7 +1440,7 @@ export interface CurvesAnswer {
   T: Pose;
   score: number;
   curves: ScoreCurve[];
-  /** The least certain of them, in words. */
+  /** The least certain axis, in words. */
   undetermined: string;
   undetermined_mm: number;
   undetermined_deg: number;
@@ -1443,14 +1449,14 @@ export interface CurvesAnswer {
 /** The score along one axis. */
 export interface ScoreCurve {
   axis: number;
-  /** Whose axis it is. */
+  /** Frame of the axis. */
   frame: string;
   kind: "shift" | "turn";
   words: string;
   unit: "mm" | "\u00b0";
   offsets: number[];
   scores: number[];
-  /** Offsets between which the score cannot tell. */
+  /** Range of offsets that the score cannot distinguish. */
   low: number;
   high: number;
   /** In words: ±0.3 mm. */
@@ -1476,20 +1482,20 @@ export interface SliceAxis {
   offsets: number[];
 }
 
-/** Answer to `landscape`: what fits as well elsewhere. */
+/** Answer to `landscape`: distant poses that fit as well. */
 export interface OtherAnswer {
   what: "other";
   other: OtherPose | null;
-  /** Turns after which the shape nearly looks the same, in words. */
+  /** Turns after which the shape looks nearly the same, in words. */
   near: string[];
 }
 
-/** A pose elsewhere that fits as well. */
+/** A distant pose that fits as well. */
 export interface OtherPose {
   T: Pose;
   score: number;
   score_of_answer: number;
-  /** Difference of both that the noise of the image explains. */
+  /** Difference of both scores that the noise of the image explains. */
   noise: number;
   apart_mm: number;
   words: string;
@@ -1503,12 +1509,12 @@ export interface CompareAnswer {
   /** Whether both score by the same rule. */
   scores_alike: boolean;
   pairs: RunPair[];
-  /** The first other deed, the first other score. */
+  /** The first differing action, and the first differing score. */
   departures: RunDeparture[];
-  /** Where they part. */
+  /** Where they diverge, in words. */
   words: string;
   rows: ObjectInBoth[];
-  /** How well all answers of A, and of B, explain the frame together; null for one object. */
+  /** Scores of A's answers and of B's, each set as one scene; null for a single object. */
   frame: [number, number] | null;
   effort: BothEfforts;
 }
@@ -1519,12 +1525,12 @@ export type DifferingSetting = [name: string, a: string, b: string];
 /** The n-th iteration on one object in both runs; `[obj, n, a, b]`. */
 export type RunPair = [obj: number, n: number, a: number | null, b: number | null];
 
-/** Where B begins to do otherwise than A. */
+/** The first difference of B from A. */
 export interface RunDeparture {
   /** Number of the pair, from 1; 0 = before iteration 1. */
   place: number;
   kind: string;
-  /** What B does, to go on behind "B". */
+  /** What B does, as a phrase that follows "B". */
   text: string;
   a: number | null;
   b: number | null;
@@ -1536,11 +1542,11 @@ export interface ObjectInBoth {
   name: string;
   a: ComparedAnswer | null;
   b: ComparedAnswer | null;
-  /** Nearer to ground truth, or where none is known of the higher score; null where that cannot be said. */
+  /** The run nearer to the ground truth or, without it, of the higher score; null where this is open. */
   winner: "A" | "B" | "even" | null;
 }
 
-/** The answer of one of both runs for an object. */
+/** One run's answer for an object. */
 export interface ComparedAnswer {
   /** By the run's own settings. */
   score: number;
@@ -1554,13 +1560,13 @@ export interface ComparedAnswer {
   arm: number;
 }
 
-/** What both runs have cost so far. */
+/** Costs of both runs so far. */
 export interface BothEfforts {
   a: RunEffort;
   b: RunEffort;
 }
 
-/** What a run has cost so far. */
+/** Cost of a run so far. */
 export interface RunEffort {
   iterations: number;
   planned: number;
@@ -1570,16 +1576,16 @@ export interface RunEffort {
   ms: number;
 }
 
-/** What a learned refiner saw and answered in an iteration. */
+/** Inputs and outputs of a learned refiner in an iteration. */
 export interface CropsAnswer {
   what: "crops";
-  /** The latest that worked on the object; null = none did. */
+  /** The latest iteration on the object; null = none. */
   k: number | null;
   /** Why there are no steps. */
   empty: string;
   steps: RefinerStepShown[];
   refiner: string;
-  /** How far from the ground truth it began, and up to where it was trained, in words. */
+  /** How far from the ground truth it began, and how far it was trained for, in words. */
   start: string;
 }
 
@@ -1623,14 +1629,14 @@ export interface SequenceAnswer {
   /** Name of the batch; "" = none. */
   run: string;
   scene: number;
-  /** All that there are. */
+  /** All scenes. */
   scenes: number[];
   frames: string[];
   lanes: SequenceLane[];
   marks: SequenceMark[];
-  /** What motions are relative to. */
+  /** Frame of reference of the motions. */
   reference: "camera" | "world";
-  /** What each kind of mark means; empty where the frames are no sequence. */
+  /** Meaning of each kind of mark; empty where the frames are not a sequence. */
   legend: Record<string, string>;
   /** Larger changes are jumps. */
   jump_mm: number;
@@ -1644,11 +1650,11 @@ export interface SequenceLane {
   name: string;
   /** Its model. */
   object: number;
-  /** How it moves; "" where the frames are no sequence. */
+  /** How it moves; "" where the frames are not a sequence. */
   words: string;
 }
 
-/** What stands out; `[lane, frame, kind]`, both by their places. */
+/** A mark; `[lane, frame, kind]`, both by index. */
 export type SequenceMark = [lane: number, frame: number, kind: "flip" | "jump" | "lost" | "recovered"];
 
 /** Answer to `evaluate`: a grasp by a pose and by the ground truth. */
@@ -1658,20 +1664,20 @@ export interface GraspAnswer {
   truth: GraspOutcome;
 }
 
-/** How a simulated grasp ends, and what it did; empty where none was carried out. */
+/** How a simulated grasp went and ended; empty where none was carried out. */
 export interface GraspOutcome {
   verdict: string;
   good: boolean;
-  /** Where grasps come from: annotated or sampled. */
+  /** Source of the grasps: annotated or sampled. */
   source: string;
-  /** Grasps in which the gripper meets nothing. */
+  /** Grasps in which the gripper hits nothing. */
   free: number;
   blocked: number;
   /** Why none was carried out. */
   words: string;
   /** Moments. */
   n: number;
-  /** By moment, as all below. */
+  /** One per moment, as all below. */
   stages: string[];
   /** Between the fingers. */
   gap_mm: number[];
@@ -1679,7 +1685,7 @@ export interface GraspOutcome {
   force_n: number[][];
   /** Rise of the object since the start. */
   rise_mm: number[];
-  /** What the gripper presses on. */
+  /** Bodies that the gripper presses on. */
   touches: string[][];
   frames: GraspFrame[];
 }
@@ -1698,7 +1704,7 @@ export interface FilmAnswer {
   urls: string[];
 }
 
-/** What was asked for cannot be given. */
+/** An answer that cannot be given. */
 export interface GoneAnswer {
   what: "gone";
   /** Why. */
@@ -1710,16 +1716,16 @@ export interface AnswersMessage {
   t: "answers";
   /** How many objects are right, in words. */
   outcome: string;
-  /** In how many frames the data are in doubt, and why. */
+  /** How many frames have doubtful data, and why. */
   doubt: string;
   /** What cannot be read. */
   notes: string[];
   runs: string[];
-  /** Runs that lie beside them and are not finished. */
+  /** Unfinished runs beside them. */
   unfinished: number;
   /** Why tags cannot be read. */
   faults: string[];
-  /** What is shown until the user chooses: values by filter. */
+  /** Filters until the user chooses others: values by filter. */
   first: Record<string, string>;
   orders: GalleryOrder[];
   rows: GalleryRow[];
@@ -1735,27 +1741,27 @@ export interface GalleryOrder {
   keys: number[];
 }
 
-/** An answer as a card; its place in `rows` is its key. */
+/** An answer as a card; its index in `rows` is its key. */
 export interface GalleryRow {
   key: number;
   /** Name of its run's folder. */
   run: string;
   frame: string;
-  /** null of a frame that failed as a whole, or waits. */
+  /** null for a frame that failed as a whole, or waits. */
   obj: number | null;
   /** Its model. */
   object: number | null;
   name: string;
   method: string;
   tone: "doubt" | "none" | "right" | "seen" | "unknown" | "waiting" | "wrong";
-  /** What came of it, to filter by. */
+  /** Its result, to filter by. */
   result: string;
   score: number | null;
   /** ADD(-S) [mm]. */
   err: number | null;
   /** ADD(-S) to the nearest pose that the image allows beside ground truth [mm]. */
   err_seen: number | null;
-  /** Up to this error it is right [mm]. */
+  /** Largest error of a right answer [mm]. */
   limit: number | null;
   /** The iteration to open. */
   k: number;
@@ -1778,7 +1784,7 @@ export interface GalleryRow {
   thumb: boolean;
   /** Whether it has a film. */
   film: boolean;
-  /** In reports alone, as all below: the group of its run. */
+  /** Only in reports, as all below: the group of its run. */
   group?: string;
   /** Which of two runs is wrong, in words. */
   compared?: string;
@@ -1829,9 +1835,9 @@ export interface ReportSection {
   doubt: string;
   has_truth: boolean;
   same_objects: boolean;
-  /** What BOP scores are over, or why there are none. */
+  /** What BOP scores are averaged over, or why there are none. */
   bop: string;
-  /** What they mean. */
+  /** Meaning of the intervals. */
   intervals: string;
   /** The group. */
   best: number;
@@ -1848,7 +1854,7 @@ export interface ReportSection {
   tracks: ReportTrack[];
 }
 
-/** What to look at next. */
+/** A recommendation of what to look at next. */
 export interface NextStep {
   group: number;
   text: string;
@@ -1858,7 +1864,7 @@ export interface NextStep {
   begin: string;
 }
 
-/** Runs that differ in their seeds alone. */
+/** Runs that differ only in their seeds. */
 export interface ReportGroup {
   name: string;
   runs: string[];
@@ -1866,7 +1872,7 @@ export interface ReportGroup {
   n_with_truth: number;
   /** By column. */
   numbers: Record<string, [number | null, number | null, number | null]>;
-  /** Recall less that of the best group [%]; null of the best itself. */
+  /** Difference of recall to the best group's [%]; null for the best group. */
   behind: [number | null, number | null, number | null] | null;
   curve: RecallCurve | null;
   /** [title, failures], the most frequent first. */
@@ -1907,7 +1913,7 @@ export interface ObjectCell {
   median_mm: number | null;
   score: number | null;
   undetermined_mm: number | null;
-  /** The most frequent one. */
+  /** The most frequent cause. */
   cause: string;
 }
 
@@ -1929,7 +1935,7 @@ export interface HardObject {
 /** Which group gets an object right most often; `[name, right, n]`. */
 export type BestGroup = [name: string, right: number, n: number];
 
-/** What changed from one run to the other. */
+/** Changes from one run to the other. */
 export interface PairDifference {
   n: number;
   better: number;
@@ -2009,7 +2015,7 @@ export interface FixLine {
   remedy: string;
   /** Its title. */
   cause: string;
-  /** Whether answers are compared by how they fit: without ground truth. */
+  /** Whether answers are compared by their fit, as without ground truth. */
   fit: boolean;
   tried: number;
   came_right: number;
@@ -2018,9 +2024,9 @@ export interface FixLine {
   broke: number;
   right_known: number;
   net: [number | null, number | null, number | null];
-  /** Added to a frame. */
+  /** Computing time added per frame. */
   seconds: number | null;
-  /** Those that were tried and those that were right: places in the table's list. */
+  /** Answers that were tried, and those that were right: indices in the table's list. */
   answers: number[];
 }
 
@@ -2102,11 +2108,11 @@ export interface FrameLabels {
   light: "amber" | "green" | "red";
 }
 
-/** Remedies that are tried, or were, on the runs of the gallery. */
+/** The trial of remedies on the runs of the gallery, running or finished. */
 export interface FixMessage {
   t: "fix";
   running: boolean;
-  /** Frames, of `total`. */
+  /** Frames done, of `total`. */
   done: number;
   total: number;
   /** Why it ended early. */

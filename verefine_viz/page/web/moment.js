@@ -1,4 +1,4 @@
-// What stands where at the cursor, worked out from the rows of the run.
+// What stands where at the cursor, derived from the rows of the run.
 import { state } from "./store.js";
 import { rampColor } from "./palette.js";
 
@@ -8,7 +8,7 @@ const NO_RUN = { rows: [], marks: [], notes: [], missing: "", total: 0, over: fa
 export const runOf = (s, branch = s.view.branch) => s.runs.get(branch) ?? NO_RUN;
 
 /**
- * Answers that depend on the same inputs are the same object: of each function the last few stay.
+ * Returns the same object for the same inputs; the last few results of each function are cached.
  * @template {unknown[]} A
  * @template V
  * @param {(...args: A) => unknown[]} inputs
@@ -29,14 +29,14 @@ function memoized(inputs, work, keep = 4) {
   };
 }
 
-// Whether a frame is open to be labelled: before anything runs, its objects stand where their labels say.
+// Whether a frame is open for labelling: before a run, its objects stand at the poses of their labels.
 /** @type {(frame: State["frame"]) => boolean} */
 export const isLabelled = (frame) => frame?.source === "labels";
 
 /** @type {(a: Pose | null | undefined, b: Pose | null | undefined) => boolean} */
 export const samePose = (a, b) => a === b || (a != null && b != null && a.every((x, i) => x === b[i]));
 
-// By object, its rows in their order; appended rows make another run object, so identity is enough.
+// Rows by object, in order; appended rows make a new run object, so identity is a sufficient key.
 const rowsByObject = memoized(
   (/** @type {Run} */ run) => [run],
   (run) => {
@@ -69,7 +69,7 @@ export function latest(rows, k) {
 /** @type {(run: Run, object: FrameObject) => InitialPose[]} */
 export const startsOf = (run, object) => run.start?.[object.id] ?? object.arms;
 
-// Where a hypothesis comes from; "" where all come from the same.
+// The source of a hypothesis; "" where all have the same one.
 /** @type {(moment: Pick<Moment, "starts">, arm: number) => string} */
 export function sourceOf({ starts }, arm) {
   const stem = (/** @type {InitialPose} */ a) => (a.source ?? "").replace(/ #\d+$/, "");
@@ -87,8 +87,8 @@ function bestStart(run, object) {
   return { T, score, err, arm, k: 0, stage: "initial" };
 }
 
-// An object's best after iteration k; of a finished run its answer, which methods that keep the best scene take from
-// that.
+// An object's best pose after iteration k; of a finished run its answer, which may be another: some methods answer
+// with the best scene.
 /** @type {(run: Run, object: FrameObject, k: number, outcome: JudgedObject | null) => KnownBest | null} */
 function bestAt(run, object, k, outcome) {
   if (outcome?.T) {
@@ -102,7 +102,7 @@ function bestAt(run, object, k, outcome) {
 /** @typedef {"waiting" | "working" | "placed" | "rolled out" | "done" | "paused" | "no pose"} Phase */
 
 /**
- * What an object does in an iteration. waiting: its turn is still to come; working: the iteration is about it; placed: it
+ * Part of an object in an iteration. waiting: its turn is still to come; working: the iteration is about it; placed: it
  * stood in the scene; rolled out: a tree search completed the scene with it; paused: its turn comes again.
  * @type {(object: FrameObject, row: IterationRow | null, own: IterationRow | undefined, best: KnownBest | null,
  *   isLast: boolean) => Phase}
@@ -117,7 +117,7 @@ function phaseOf({ id }, row, own, best, isLast) {
   return takesTurns || !isLast ? "paused" : "done";
 }
 
-// Every object of the frame at iteration k; the one in focus stands at `shown`.
+// All objects of the frame at iteration k; the one in focus is at `shown`.
 /** @type {(s: State, run: Run, k: number, isAnswer: boolean, shown: Pose | undefined) => Moment["scene"]} */
 function sceneAt(s, run, k, isAnswer, shown) {
   const row = isAnswer ? null : run.rows[k - 1];
@@ -163,7 +163,7 @@ export function worstOf(verdict) {
 /** @import { Run, State, View } from "./store.js" */
 
 /**
- * A pose with what is known of it. `stage` is what it is: a stage, initial, best, runner-up, edited or ground truth; of A
+ * A pose with what is known of it. `stage` is its kind: a stage, initial, best, runner-up, edited or ground truth; of A
  * and B so is `name`, and `label` says it. `poses` stand for `T` where several objects are compared at once.
  * @typedef {Partial<Omit<ScoredStage, "name"> & Omit<BestPose, "stage">> & { stage?: string, name?: string,
  *   label?: string, branch?: number, poses?: [number, Pose][] }} NamedPose
@@ -178,24 +178,24 @@ export function worstOf(verdict) {
  * @property {number} total
  * @property {boolean} over
  * @property {IterationRow | null} at  iteration k
- * @property {IterationRow | null} row  the latest that worked on the object
- * @property {boolean} isCurrent  whether that is iteration k
+ * @property {IterationRow | null} row  the latest iteration on the object
+ * @property {boolean} isCurrent  whether `row` is iteration k
  * @property {boolean} isAnswer  whether the answers of the finished run are shown
- * @property {boolean} isPartial  whether the iteration is shown up to a stage before its last
+ * @property {boolean} isPartial  whether only stages before the iteration's last are shown
  * @property {number} obj
  * @property {FrameObject} object
  * @property {InitialPose[]} starts
  * @property {number} arm  the hypothesis in focus
  * @property {ArmState[]} arms
  * @property {KnownBest | null} best
- * @property {Record<string, NamedPose>} poses  by what they are
+ * @property {Record<string, NamedPose>} poses  by their kind
  * @property {string[]} stages
  * @property {string | null} stage
  * @property {JudgedObject | null} verdict
  * @property {{ object: FrameObject, phase: Phase, best: KnownBest | null, T: Pose | null, score: number | null,
  *   err: number | null, spent: number, verdict: JudgedObject | null }[]} scene
- * @property {Own | null} beside  of the run beside it
- * @property {NamedPose | null} a  what is compared
+ * @property {Own | null} beside  the moment of the run beside it
+ * @property {NamedPose | null} a  the poses that are compared
  * @property {NamedPose | null} b
  * @property {boolean} same  whether both are one pose
  */
@@ -242,7 +242,7 @@ function momentBeside(s, moment) {
   return momentAt(s, { ...s.view, branch: other(s), k, stage: null, edited: null, moment: null, obj: moment.obj });
 }
 
-// The object looked at: the one chosen, of an answer the worst, else that of the iteration.
+// The object in focus: the one chosen, else at an answer the worst, else that of the iteration.
 /** @type {(s: State, view: View, run: Run, k: number, isAnswer: boolean) => FrameObject | null} */
 function focusOf(s, view, run, k, isAnswer) {
   const verdict = s.verdicts.get(view.branch);
@@ -252,8 +252,8 @@ function focusOf(s, view, run, k, isAnswer) {
     ?? s.frame.objects[0] ?? null;
 }
 
-// The latest iteration that worked on the object, as far as it is shown. `results`: the one whose results are known by
-// now, which is the one before while a stage before its last is shown.
+// The latest iteration on the object, as far as it is shown. `results`: the latest iteration whose results are shown,
+// the one before while this one's last stage is not shown yet.
 /** @type {(run: Run, obj: number, k: number, stage: string | null) => Iteration} */
 function iterationOf(run, obj, k, stage) {
   const own = rowsOf(run, obj);
@@ -278,7 +278,7 @@ function armAt(view, { isAnswer, best, row, arms }) {
   return Math.min(view.arm ?? own ?? 0, Math.max(arms.length - 1, 0));
 }
 
-// What the iteration made of its hypothesis; before the first where the hypotheses are.
+// The poses of the iteration's stages; before the first iteration, the hypothesis's initial pose.
 /** @type {(m: Known & { arm: number }) => Record<string, NamedPose>} */
 function stagesAt({ isAnswer, isPartial, row, cut, arms, arm }) {
   if (isAnswer) return {};
@@ -288,7 +288,7 @@ function stagesAt({ isAnswer, isPartial, row, cut, arms, arm }) {
   return { ...poses, accepted: { ...row.stages.find((one) => one.name === row.accepted), arm: row.arm } };
 }
 
-// The pose that is edited, or that the branch goes on from where it was edited after this iteration.
+// The pose being edited, or the edited one with which the branch goes on after this iteration.
 /** @type {(s: State, view: View, m: Known) => NamedPose | null} */
 function editedAt(s, view, { isAnswer, isPartial, object, arms, k }) {
   if (view.edited) return view.edited.obj === object.id ? { T: view.edited.T, arm: view.edited.arm } : null;
@@ -306,7 +306,7 @@ function runnerUpOf({ isAnswer, verdict }) {
   return { T, arm, score: verdict.score - lead, err: null };
 }
 
-// The poses of the object by what they are, each with its name as `stage`.
+// The poses of the object by kind, each with its kind as `stage`.
 /** @type {(s: State, view: View, m: Known & { arm: number }) => Record<string, NamedPose>} */
 function posesAt(s, view, m) {
   const { object, starts, arm, best } = m;
@@ -324,7 +324,7 @@ function posesAt(s, view, m) {
     .map(([name, pose]) => [name, { ...pose, stage: name }]));
 }
 
-// Where the object in focus stands among the others.
+// The pose of the object in focus among the others.
 /** @type {(m: Known, poses: Record<string, NamedPose>) => Pose | undefined} */
 function standsAt({ isPartial, row, cut, best }, poses) {
   if (isPartial) return row.stages[cut - 1].T;
@@ -353,7 +353,7 @@ function momentAt(s, view) {
   };
 }
 
-// A and B where two runs stand side by side: their answers, or what their iterations accepted.
+// A and B where two runs are compared: their answers, or the poses that their iterations accepted.
 /** @type {(s: State, moment: Own, beside: Own) => Pair | null} */
 function pairOfRuns(s, moment, beside) {
   /** @type {(m: Own, letter: string) => NamedPose | undefined} */
@@ -368,8 +368,8 @@ function pairOfRuns(s, moment, beside) {
   return a && b ? { a, b, same: samePose(a.T, b.T) } : null;
 }
 
-// Names of A and B, what shows most first. The answer, and before it the best so far, is always A, what it is compared
-// with always B; of the stages of an iteration the earlier one is A.
+// Names of A and B, the most telling pair first. The answer, and before it the best so far, is always A, the pose
+// compared with it always B; of two stages of an iteration the earlier one is A.
 /** @type {(moment: Own) => string[][]} */
 function pairsWorthShowing({ poses, isAnswer, verdict, row }) {
   const edited = poses.edited ? [["accepted", "edited"], ["current", "edited"], ["best", "edited"]] : [];
@@ -386,7 +386,7 @@ function pairsWorthShowing({ poses, isAnswer, verdict, row }) {
   ];
 }
 
-// A and B: what the user chose, else the pair that shows most; the same pose twice only where there is no other.
+// A and B: the user's choice, else the most telling pair; the same pose twice only where there is no other.
 /** @type {(s: State, moment: Own, beside: Own | null) => Pair} */
 function pairOf(s, moment, beside) {
   const { poses } = moment;
@@ -403,7 +403,7 @@ function pairOf(s, moment, beside) {
   return { a: named(a), b: named(b), same: Boolean(poses[a] && poses[b] && isSame([a, b])) };
 }
 
-// Only methods that verify keep the best pose; others, and recorded steps, go on from their last one.
+// Only methods that verify keep the best pose; others, and recorded steps, continue from their last one.
 /** @param {number} branch */
 export function bestWords(branch) {
   const name = state.branches.find((b) => b.index === branch)?.settings["method.name"] ?? state.frame.method;
@@ -413,7 +413,7 @@ export function bestWords(branch) {
 export const labelOf = (name, moment) => (name === "best" ? (moment.isAnswer ? "answer" : bestWords(moment.branch))
   : name === "current" && !moment.row && isLabelled(state.frame) ? "label" : name);
 
-// By hypothesis of an object at the moment, its place from the best, 0 = best; by score, or by error.
+// Rank of each hypothesis of an object at the moment, 0 = best; by score, or by error.
 export const ranksOf = memoized(
   (/** @type {Moment} */ moment, /** @type {string} */ by = "score") => [moment?.arms, by],
   (moment, by = "score") => {
@@ -425,7 +425,7 @@ export const ranksOf = memoized(
     return ranks;
   },
 );
-// By hypothesis of an object, its place by score in what is known of the run, 0 = the lowest, 1 = the highest. It is the
+// Relative rank by score of each hypothesis of an object in the run so far, 0 = the lowest, 1 = the highest. It is the
 // same at every iteration, so that a hypothesis has one colour wherever it is drawn.
 export const rankShares = memoized(
   (/** @type {Run} */ run, /** @type {FrameObject} */ object) => [run, object],

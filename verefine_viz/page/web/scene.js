@@ -17,7 +17,7 @@ import { Button, Menu, Pane, Select, Swatch, Toggle } from "./ui.js";
 const LATEST_MS = 3000;
 const LOOK_MS = 200;
 
-// viser would draw with fewer pixels by itself after some slow pictures, and seldom come back.
+// After some slow pictures viser would reduce its resolution, and rarely restore it.
 const ADDRESS = `/3d/?darkMode&fixedDpr=${devicePixelRatio}`;
 const CAMERAS = [
   { id: "object", key: "c", name: "Object", title: "3D: camera to the object in focus, where it is not hidden" },
@@ -27,7 +27,7 @@ const CAMERAS = [
 const CLOUDS = [["photo"], ["distance to model", "distance"], ["normals"], ["class", "classes"]];
 
 function look(camera = null) {
-  if (camera === "sensor") showLayer("photo", false); // it would hide everything else from there
+  if (camera === "sensor") showLayer("photo", false); // from there it would hide everything else
   const verb = lookAt(state, momentOf(state));
   if (verb) send({ ...verb, camera });
 }
@@ -68,7 +68,7 @@ function Viser() {
   <//>`;
 }
 
-// The page that is framed. Loaded once the first maps are there: viser's page takes the processor for a second or two.
+// viser's page in a frame. Loaded after the first maps, as it keeps the processor busy for a second or two.
 function useScenePage() {
   const pictured = useStore((s) => Boolean(momentOf(s) ? sidesOf(momentOf(s)).a?.arrays : photo()));
   const [begun, begin] = useState(false);
@@ -77,7 +77,7 @@ function useScenePage() {
     const late = setTimeout(() => begin(true), LATEST_MS);
     return () => clearTimeout(late);
   }, [pictured]);
-  const [page, setPage] = useState(undefined); // of a file; null = it has none
+  const [page, setPage] = useState(undefined); // the 3D view in a file; null = it has none
   useEffect(() => {
     if (isFile && begun) scenePage().then(setPage);
   }, [begun]);
@@ -85,14 +85,14 @@ function useScenePage() {
 }
 
 /**
- * Why what the frame shows is not what the page is about, "" = it is; and what begins again where it is loaded again.
+ * Why the frame does not show the page's state, "" = it does; and a function that begins again when it is reloaded.
  * @returns {[string, () => void]}
  */
 function useVeil(frame) {
   const [seen, see] = useState({ drawn: false, id: null });
   const [id, connection, isThere, name] = useStore((s) =>
     [s.frame?.id, s.connection, Boolean(s.frame), isLabelled(s.frame) ? s.frame.frame : s.frame?.id]);
-  // After a step on labels the view of the frame before the step will do.
+  // After a step on labels, the view from before the step is good enough.
   const first = useRef({ name: null, id: null });
   if (first.current.name !== name) first.current = { name, id };
   const isCurrent = seen.drawn && (isFile || !isThere || (seen.id >= first.current.id && seen.id <= id));
@@ -108,7 +108,7 @@ function useVeil(frame) {
   return [isCurrent ? "" : words, restart];
 }
 
-// Whether viser has drawn a picture; where it does not say how many, whether it has something to draw on.
+// Whether viser has drawn a picture; if it does not count them, whether it has a canvas.
 function hasDrawn(viser) {
   const frames = viser?.__viserTestpoints?.rendererInfo?.render?.frame;
   return frames != null ? frames >= 2 : viser?.document?.querySelector("canvas") != null && viser.__viserTestpoints == null;
@@ -121,7 +121,7 @@ function shownFrame(viser) {
   return name ? Number(name.slice("/frame/".length)) : null;
 }
 
-// The ground of the view is the page's, in both themes.
+// The view's background is the page's, in both themes.
 function useGround(frame, veil) {
   const theme = useStore((s) => s.theme);
   useEffect(() => {
@@ -135,7 +135,7 @@ function useFirstLook(frame, veil) {
   const moved = useRef(false);
   const [id, focus] = useStore((s) => {
     const moment = momentOf(s);
-    // A label that is moved leaves the frame: the camera stays.
+    // Moving a label does not change the frame, so the camera stays.
     const opened = isLabelled(s.frame) ? s.frame.frame : s.frame?.id;
     return [opened, moment && (s.view.obj != null || moment.isAnswer) ? moment.obj : null];
   });
@@ -178,7 +178,7 @@ function Tools() {
 const shownLayers = (s) => (momentOf(s) ? layersOf(s, momentOf(s)) : []);
 
 function Legend() {
-  // As text: a moment with the layers of the one before is not drawn again.
+  // As text, so that a moment with the same layers as the one before is not drawn again.
   const [layers] = useStore((s) => [JSON.stringify((isFile ? layersAtEnd(s) : shownLayers(s)).filter(({ color }) => color)
     .map((one) => ({ ...one, isShown: isFile || isLayerShown(s, momentOf(s), one.key) }))), s.view.scene]);
   return html`<div class="layers">${/** @type {(ReturnType<typeof layersOf>[number] & { isShown: boolean })[]} */ (JSON.parse(layers)).map(({ key, label, color, hollow, isShown }) => html`

@@ -1,4 +1,4 @@
-// Everything the page knows, once: what the server said, and what this window looks at.
+// All that the page knows, in one place: what the server sent, and what this window looks at.
 import { useState, useLayoutEffect, useRef } from "preact/hooks";
 
 /**
@@ -10,14 +10,14 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  */
 
 /**
- * A branch's run: another object each time rows come, though `rows` is one array that grows.
+ * A branch's run: a new object each time rows come, although `rows` is one growing array.
  * @typedef {object} Run
  * @property {IterationRow[]} rows
- * @property {number} total  iterations when it is over
+ * @property {number} total  iterations at its end
  * @property {boolean} over
  * @property {Mark[]} marks
  * @property {string[]} notes
- * @property {string} missing  what a recording lacks at its end; "" where it is whole
+ * @property {string} missing  what a recording lacks at its end; "" where it is complete
  * @property {RunMessage["start"]} start  initial poses by object, where they differ from the frame's
  */
 
@@ -28,9 +28,9 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @property {number} arm  the hypothesis
  * @property {Pose} T
  * @property {Pose} [from]  where the editing began
- * @property {Pose[]} [past]  poses before, which undo goes back to, the latest last
+ * @property {Pose[]} [past]  earlier poses, to which undo returns, the latest last
  * @property {Pose[]} [future]  poses that were undone, the next first
- * @property {string | null} [gesture]  that moves it now: its poses are one step
+ * @property {string | null} [gesture]  the current movement, whose poses are one step of undo
  * @property {boolean} [rests]  whether it has not been moved for a moment
  */
 
@@ -39,10 +39,10 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @typedef {object} Layers
  * @property {"photo" | "depth"} under
  * @property {string} over  none, shaded, or the name of a map
- * @property {"a" | "b" | null} side  whose map or model that is; null = the pose that is not ground truth
+ * @property {"a" | "b" | null} side  whose map or model `over` shows; null = the pose that is not ground truth
  * @property {number} opacity
- * @property {"off" | "photo" | "ab"} wipe  photo: picture | what is over it; ab: A | B
- * @property {number} at  where the divider is, of the width
+ * @property {"off" | "photo" | "ab"} wipe  photo: picture | overlay; ab: A | B
+ * @property {number} at  place of the divider, as a share of the width
  * @property {"photo" | "a" | "b" | null} blink  what is shown just now, the photo or a shaded model; null = nothing blinks
  * @property {string[]} hidden  outlines by their keys
  */
@@ -52,7 +52,7 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @typedef {object} Scene
  * @property {string[]} hidden  layers by their keys
  * @property {import("./messages.d.ts").SceneLook["cloud"]} cloud  what the observed points are coloured by
- * @property {number} box  around the object in focus, outside of which nothing is shown [diameters]
+ * @property {number} box  side of the box around the object in focus to which the view is limited [diameters]
  * @property {number} cut  share of the object in focus that is cut away
  * @property {number} gizmo  size of the handles of an edited pose [px]
  */
@@ -61,14 +61,14 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * What this window looks at.
  * @typedef {object} View
  * @property {number} branch
- * @property {number} k  the iteration; the run's end where there is none of that number
- * @property {string | null} stage  last stage of iteration k that is shown; null = all of it
+ * @property {number} k  the iteration; beyond the last one, the run's end
+ * @property {string | null} stage  last stage of iteration k that is shown; null = the whole iteration
  * @property {number | null} obj  null = the object of the iteration
  * @property {number | null} arm  null = the hypothesis of the iteration
  * @property {number | null} moment  of the simulated path; null = it is not drawn
  * @property {Edited | null} edited
- * @property {number | null} doubt  about the data, that the image shows: its place in the list
- * @property {string | null} a  stages that are compared; null = chosen by what is shown
+ * @property {number | null} doubt  index of the doubt about the data that the image shows
+ * @property {string | null} a  stages that are compared; null = the most telling ones
  * @property {string | null} b
  * @property {number | null} beside  iteration of the run beside it; null = the same
  * @property {Omit<Grasp, "T"> | null} grasp  the grasp that is drawn
@@ -82,16 +82,16 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @property {Partial<Scene>} scene  what differs from the defaults
  * @property {{ share: number, u: number, v: number } | "image" | null} zoom  of the image: its scale relative to the
  *   fitted image and the pixel in the middle; null = the object is fitted in
- * @property {number | null} model  the one that the next press in the photo places, by its obj_id
+ * @property {number | null} model  obj_id of the model that the next press in the photo places
  * @property {boolean} scribbles  whether a drag places by a scribble, instead of a box
  * @property {string | null} largeMap  the map that fills the maps pane
- * @property {string | null} tab  null = the one that shows most of what happened
+ * @property {string | null} tab  null = the most telling one
  * @property {string} preset  of the layout
  * @property {string | null} full  the pane that fills the middle
  */
 
 /**
- * What is chosen in the gallery.
+ * The choices made in the gallery.
  * @typedef {object} GalleryView
  * @property {boolean} begun  whether answers have come
  * @property {string} order
@@ -105,9 +105,9 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  */
 
 /**
- * What is looked at of the frames of a sequence.
+ * The view of a sequence's frames.
  * @typedef {object} SequenceView
- * @property {boolean} on  whether it stands in place of the gallery's cards
+ * @property {boolean} on  whether it replaces the gallery's cards
  * @property {string} run  of the batch; "" = that of the open frame
  * @property {number | null} scene  null = that of the open frame
  * @property {string} by  the measure that cells are coloured by; "" = the first that is known
@@ -118,12 +118,12 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  */
 
 /**
- * Links, as the page's address has them (address.js).
+ * Links, as in the page's address (address.js).
  * @typedef {object} Links
- * @property {string} given  with which the page was called; "" = without one
- * @property {string | null} opening  yet to be opened: the address is not overwritten
+ * @property {string} given  the link with which the page was opened; "" = none
+ * @property {string | null} opening  the link still being opened, during which the address is not overwritten
  * @property {string | null} written  what the address holds
- * @property {string | null} lost  what was looked at when the connection was lost
+ * @property {string | null} lost  the view at the time when the connection was lost
  */
 
 /**
@@ -142,7 +142,7 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @property {"opening" | "open" | "lost"} connection  open: all that the server knows has come
  * @property {number | null} window  this window's number
  * @property {string | null} version  of the program
- * @property {FileMessage | null} file  what the page holds where it is a file; null = there is a server
+ * @property {FileMessage | null} file  content of a page that is a file; null = there is a server
  * @property {FrameMessage | null} frame
  * @property {BranchListed[]} branches
  * @property {ComparedBranches | null} compare  the runs that stand side by side
@@ -150,14 +150,14 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @property {Map<number, VerdictMessage>} verdicts  by branch
  * @property {AnswersMessage | null} answers  of a batch
  * @property {ReportMessage | null} report
- * @property {FixMessage | null} fix  remedies that are tried on the answers
+ * @property {FixMessage | null} fix  the trial of remedies on the answers
  * @property {{ shown: boolean, row: number | null, chosen: string[], file: string }} remedies  whether their table is
  *   shown, whose answers are listed, which are to be written, where to
  * @property {LabelsMessage | null} labels  of a folder that is labelled
  * @property {import("./labelling.js").Sketch | null} sketch  what is being drawn in the photo to place a model
  * @property {boolean} placing  whether a model was placed and the label is yet to come
- * @property {BusyMessage} busy  what takes long
- * @property {RunningMessage} running  what is computed
+ * @property {BusyMessage} busy  progress of long work
+ * @property {RunningMessage} running  the branches being computed
  * @property {number | null} scene3d  the window that the 3D view follows
  * @property {WrittenMessage[]} written  files, the latest last
  * @property {Toast[]} toasts
@@ -168,7 +168,7 @@ import { useState, useLayoutEffect, useRef } from "preact/hooks";
  * @property {{ was: ComparedBranches | null, asked: number | null, began: boolean } | null} finishing  A and B, which are
  *   computed to their ends: what was compared before, the branch whose turn it is, whether it runs
  * @property {boolean} replaying  whether known rows are played
- * @property {Record<string, unknown>} draft  settings that were typed and are not in use yet, by name
+ * @property {Record<string, unknown>} draft  typed settings that are not in use yet, by name
  * @property {[number, number] | null} hover  the pixel under the mouse
  * @property {string | null} hoverIn  the pane it is in, if that takes keys of its own
  * @property {string | null} lastPane  the pane that the mouse was over last
@@ -300,7 +300,7 @@ const same = (a, b) =>
   (Array.isArray(a) && Array.isArray(b) && a.length === b.length && a.every((x, i) => Object.is(x, b[i])));
 
 /**
- * A component that calls it is drawn again when what `select` gives changes: a value, or an array of values.
+ * Redraws the calling component when the result of `select` changes: a value, or an array of values.
  * @template const T
  * @param {(s: State) => T} select
  * @returns {T}
@@ -317,14 +317,14 @@ export function useStore(select) {
       if (!same(select(state), chosen)) redraw((n) => n + 1);
     };
     const stop = listen(check);
-    check(); // what came between the drawing and now
+    check(); // changes since the component was drawn
     return stop;
   }, []);
   return chosen;
 }
 
 /**
- * Who answers: the program's server (connection.js), or the file that the page itself is (file.js).
+ * The answering side: the program's server (connection.js), or the page's own file (file.js).
  * @typedef {object} Server
  * @property {(verb: AnyVerb) => boolean} send  returns whether the verb arrived
  * @property {(key: string) => Promise<ArrayBuffer | null>} load  the bytes of a blob; null = they are gone
@@ -358,10 +358,10 @@ export function receive(message) {
   changed();
 }
 
-// Answers of the server to what views ask for, the latest used last.
+// Answers of the server to wants, the latest used last.
 
 /**
- * What answers a want: the answer of its kind, or why there is none.
+ * The answer to a want: that of its kind, or why there is none.
  * @template {AnyWant} W
  * @typedef {(W extends { what: "landscape", part: infer P } ? Extract<AnyAnswer, { what: P }>
  *   : Extract<AnyAnswer, { what: W["what"] }>) | GoneAnswer} AnswerTo
@@ -369,17 +369,17 @@ export function receive(message) {
 
 const MOST_ANSWERS = 400;
 /** @type {Map<string, { id?: string, slot?: string, answer?: AnyAnswer }>} */
-const known = new Map(); // by what is asked, as JSON
+const known = new Map(); // by the want as JSON
 /** @type {Map<string, string>} */
-const asked = new Map(); // slot → what was asked for last, as JSON
+const asked = new Map(); // slot → the last want as JSON
 /** @type {Map<string, string>} */
-const waiting = new Map(); // id → what it asks for, as JSON: ids are short, poses are not
+const waiting = new Map(); // id → the want as JSON: ids are short, poses are not
 /** @type {WeakMap<object, string>} */
-const keys = new WeakMap(); // what is asked → as JSON
+const keys = new WeakMap(); // the want → as JSON
 let wants = 0;
 
 on("answer", ({ id, answer }) => {
-  const key = waiting.get(id) ?? id; // of `evaluate` the id itself
+  const key = waiting.get(id) ?? id; // for `evaluate`, the id itself
   waiting.delete(id);
   known.set(key, { ...known.get(key), answer });
 });
@@ -446,7 +446,7 @@ const MOST_BLOBS = 60;
 /** @type {Map<string, { buffer: ArrayBuffer | null, isGone: boolean }>} */
 const blobs = new Map();
 /**
- * The bytes of a blob, or null until they are there.
+ * The bytes of a blob, or null until they have come.
  * @param {string} key
  */
 export function blob(key) {
@@ -476,9 +476,9 @@ const TYPES = {
 const NO_VALUE = { uint8: 255, uint16: 65535, int16: 32767 }; // among whole numbers of a step
 /** @typedef {Record<string, Float32Array | Uint8Array | Int32Array | Uint16Array | Int16Array | Float64Array>} Arrays */
 /** @type {WeakMap<ArrayBuffer, Arrays>} */
-const unpacked = new WeakMap(); // buffer → arrays by name: they go when the blob does
+const unpacked = new WeakMap(); // buffer → arrays by name, freed with the blob
 /**
- * The arrays of an answer by name, or null until they are there.
+ * The arrays of an answer by name, or null until they have come.
  * @param {Extract<AnyAnswer, { arrays: unknown }> | GoneAnswer | undefined} answer
  * @returns {Arrays | null}
  */

@@ -106,11 +106,13 @@ class Reader:
         return RecordedFrame(name, self._K, depth_m, rgb, tuple(objects), notes=tuple(notes))
 
     def answers(self, name: str) -> Mapping[str, tuple[Float | None, float | None]]:
-        """None: the images are not of a video."""
+        """None: the images are not a video."""
         return {}
 
     def _iterations(self, name: str, n_objects: int) -> NDArray[np.float64]:
-        """DeepIM's poses (iterations, objects, 9), each (_, class - 1, quaternion wxyz, position); none without."""
+        """DeepIM's poses (iterations, objects, 9), each (_, class - 1, quaternion wxyz, position); none without its
+        results.
+        """
         files = (self._folder / kind / f"{name}{COLOR}.mat" for kind in DEEPIM)
         path = next((file for file in files if file.is_file()), None)
         poses = np.zeros((0, 0, 9)) if path is None else mat_arrays(path, "poses_est").get("poses_est", np.zeros(0))

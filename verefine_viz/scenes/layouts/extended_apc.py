@@ -1,10 +1,10 @@
 """The Extended APC data set as its authors publish it: ``scene-0001/frame-000000.color.png``, ``gt_info.yml``, ….
 
-A depth image has tenths of millimetres, each turned by three bits; a mask has each pixel's object number.
+A depth image has tenths of millimetres, the bits of each value rotated by three; a mask has each pixel's object number.
 ``gt_info.yml`` holds the camera's pose in the world, whose z is up, the intrinsics, the objects with their poses in the
-world, and which of them are placed one after the other. Positions are metres, quaternions (w, x, y, z). It is what the
-authors' code reads (github.com/cmitash/PhysimGlobalPose: ``SceneCfg.cpp``, ``utilities.cpp``); the scene that comes
-with it, ``test-scene/``, has no poses of objects.
+world, and which of them are to be placed one after another. Positions are metres, quaternions (w, x, y, z). This is the
+layout that the authors' code reads (github.com/cmitash/PhysimGlobalPose: ``SceneCfg.cpp``, ``utilities.cpp``); the
+scene that comes with it, ``test-scene/``, has no poses of objects.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ OBJECTS = (
     "elmers_washable_no_run_school_glue",
     "rawlings_baseball",
 )
-"""In the order of their numbers, from 1 (``obj_config.yml``)."""
+"""Objects in the order of their numbers, from 1 (``obj_config.yml``)."""
 MODELS = ("models", "models_visualization", "src/physim_pose_estimation/models_visualization")
-"""Folders that hold meshes [m] or one folder of meshes per object; in the data set's folder, or the one around it."""
+"""Folders that hold meshes [m], or one folder of meshes per object, in the data set's folder or its parent."""
 STEP_MM = 0.1
 
 Numbers7 = np.ndarray[tuple[Literal[7]], np.dtype[np.float64]]
@@ -58,7 +58,7 @@ class ObjectEntry(msgspec.Struct, frozen=True):
 
     name: str
     pose: Any = None
-    """Checked object by object."""
+    """Not checked here, but object by object."""
 
 
 class Info(msgspec.Struct, frozen=True):
@@ -142,7 +142,7 @@ class Reader:
         return {}
 
     def _mesh(self, called: str) -> Path | None:
-        """The mesh of an object, the one that is named after it before others; None where there is none."""
+        """The mesh of an object, preferably the one named after it; None where there is none."""
         for models in self._models:
             files = [*meshes_in(models / called), *(p for p in meshes_in(models) if p.stem == called)]
             if files:
@@ -156,7 +156,7 @@ def _scenes(folder: Path) -> list[Path]:
 
 
 def _name(scene: Path) -> str:
-    """The frame that a scene is: its number where it has one, which is that of its folder or in the file."""
+    """The frame of a scene: its number in the folder's name, or in the file, where it has one."""
     number = scene.resolve().name.rpartition("-")[2]
     number = number if number.isdecimal() else _info(scene).scene.get("id")
     return f"{int(number)}/0" if isinstance(number, int | str) and str(number).isdecimal() else "0/0"
@@ -191,7 +191,7 @@ def _pose(numbers: Float) -> Float:
 
 
 def _depth_m(path: Path) -> np.ndarray:
-    """The depth (H, W) [m], each value of the file turned back by three bits."""
+    """The depth (H, W) [m], the bits of each value in the file rotated back by three."""
     steps = read_steps(path, STEP_MM).astype(np.uint16)
     depth_m = ((steps << 13 | steps >> 3) * (STEP_MM * 1e-3)).astype(np.float32)
     if depth_m.max(initial=0) > DEEPEST_M:

@@ -1,6 +1,6 @@
 """A folder of images in order with a pose per frame, as FoundationPose's demo, BundleSDF and YCBInEOAT have them.
 
-``rgb/`` and ``depth/`` (images of the same names), ``cam_K.txt``, ``mesh/*.obj``, and where they are there ``masks/``
+``rgb/`` and ``depth/`` (images of the same names), ``cam_K.txt``, ``mesh/*.obj``, and, if they exist, ``masks/``
 (often of the first frame only), ``ob_in_cam/*.txt`` (the program's poses, 4×4 in metres) and ``annotated_poses/*.txt``
 (ground truth).
 """
@@ -97,7 +97,7 @@ class Reader:
         return {called: (self._pose(self._poses, name, []), None)}
 
     def _pose_files(self, kinds: tuple[str, ...]) -> tuple[dict[str, Path], tuple[str, ...]]:
-        """The pose file of each frame that has one, and a note where names do not match."""
+        """The pose file of each frame that has one, with a note where names do not match."""
         kind = next((kind for kind in kinds if (self._folder / kind).is_dir()), None)
         if kind is None:
             return {}, ()
@@ -135,7 +135,7 @@ class Reader:
 
     @cached_property
     def _mesh(self) -> tuple[Path, float]:
-        """The mesh file, or where it should be, and its unit [m]."""
+        """The mesh file, or its expected place, and its unit [m]."""
         if not self._mesh_files:
             return self._folder / MESHES[0] / "*.obj", 1.0
         file = self._mesh_files[0]
@@ -143,7 +143,7 @@ class Reader:
 
 
 def _pose_notes(files: Mapping[str, Path]) -> tuple[str, ...]:
-    """Notes about the poses of all frames: those that are none, and rounded rotations."""
+    """Notes about the poses of all frames: invalid ones, and rounded rotations."""
     faults: list[str] = []
     taken: list[Float] = []
     for path in files.values():
@@ -158,6 +158,6 @@ def _pose_notes(files: Mapping[str, Path]) -> tuple[str, ...]:
 
 
 def _number(stem: str) -> int | str:
-    """What names are compared by: numbers, whatever zeros are in front of them."""
+    """Key by which names are compared: numbers without leading zeros."""
     number = id_of(stem)
     return stem if number is None else number

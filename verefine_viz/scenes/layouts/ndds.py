@@ -1,12 +1,12 @@
 """Frames as NVIDIA's NDDS exports them: what DOPE is trained with, and Falling Things.
 
 ``000000.json``, ``.jpg`` or ``.png``, ``.depth.png`` (0.1 mm a step), ``.depth.mm.16.png`` or ``.depth.npy``, and
-``.seg.png`` or ``.cs.png`` with each pixel's class, and maybe ``.is.png`` with its instance as one number of three
-bytes; of a stereo camera ``000000.left.json`` and so on. Positions are centimetres in OpenCV's camera frame.
+``.seg.png`` or ``.cs.png`` with each pixel's class, and possibly ``.is.png`` with its instance as a number of three
+bytes; for a stereo camera ``000000.left.json`` and so on. Positions are centimetres in OpenCV's camera frame.
 
-An object's axes are those of its model as NVDU aligns it. The model as it was published lies in others:
-``fixed_model_transform`` of ``_object_settings.json``, transposed, takes it [m] to the aligned one [cm]. Which of both
-a mesh is, and its unit, is decided by ``cuboid``, the object's box that frames state.
+An object's axes are those of its model as NVDU aligns it. The published model has other axes:
+``fixed_model_transform`` of ``_object_settings.json``, transposed, takes it [m] to the aligned one [cm]. The object's
+box in the frames, ``cuboid``, decides which of the two a mesh is, and its unit.
 
 Source: the readme of Falling Things ("FAT dataset overview").
 """
@@ -44,14 +44,14 @@ CAMERAS, OBJECTS = "_camera_settings.json", "_object_settings.json"
 DEPTHS = {".depth.mm.16": 1.0, ".depth": 0.1}
 """Names of depth images, with millimetres per step."""
 NEAREST_M = 0.0256
-"""Depth that is nowhere as far is no depth: 255 steps of 0.1 mm."""
+"""An image that is nowhere this deep is not depth: 255 steps of 0.1 mm."""
 LABELS, INSTANCES = (".seg", ".cs"), ".is"
 MODELS_AROUND = 3
 """Folders around the frames' own in which ``models/`` is looked for."""
 UNITS_M = (0.01, 1.0, 0.001)
 CENTIMETRE_M = 0.01
 MOST_OFF = 0.2
-"""A mesh's box is off by more of its diagonal than a right one, which was thinned out."""
+"""Largest deviation of a mesh's box, as a share of its diagonal; that of a thinned mesh is less."""
 
 Numbers4 = np.ndarray[tuple[Literal[4]], np.dtype[np.float64]]
 Numbers8x3 = np.ndarray[tuple[Literal[8], Literal[3]], np.dtype[np.float64]]
@@ -67,7 +67,7 @@ class Pinhole(msgspec.Struct, frozen=True):
 
 
 class ExportedCamera(msgspec.Struct, frozen=True):
-    """One of the cameras, such as ``left``."""
+    """Name of the camera, such as ``left``."""
 
     intrinsic_settings: Pinhole
     name: str = ""
@@ -120,18 +120,19 @@ class _Pixels:
     K: Float
     classes: Float
     instances: NDArray[np.int64]
-    """-1 where they are unknown."""
+    """Instances; -1 where they are unknown."""
 
     def of(
         self, class_id: int, one: PosedObject, origin_m: Float, alike_m: Sequence[Float]
     ) -> tuple[Mask, tuple[str, ...]]:
-        """The pixels of an object, and a note where several of its class share theirs: each goes to the nearest.
+        """The pixels of an object; where several of its class share pixels, each pixel goes to the nearest, with a
+        note.
 
         Args:
             class_id: of its class.
             one: the object.
             origin_m: (3,) where it is.
-            alike_m: where the objects of its class are, with its own.
+            alike_m: origins of all objects of its class, its own included.
         """
         if one.instance_id is not None and (own := self.instances == one.instance_id).any():
             return own, ()
@@ -187,7 +188,7 @@ class Reader:
         return (folder / CAMERAS).is_file() and (folder / OBJECTS).is_file()
 
     def frame(self, name: str) -> RecordedFrame:
-        """One frame with the objects that are seen in it, at ground truth."""
+        """One frame with its visible objects at ground truth."""
         depth_m, notes = self._depth(name)
         rgb, of_color = color_of(find_image(self._folder, name), depth_m.shape)
         pixels = _Pixels(
@@ -228,7 +229,7 @@ class Reader:
         return next(((path, scale_mm) for path, scale_mm in files if path is not None), None)
 
     def _depth(self, name: str) -> tuple[NDArray[np.float32], list[str]]:
-        """Depth (H, W) [m]; of an array in the unit that its median shows."""
+        """Depth (H, W) [m]; the unit of an array is inferred from its median."""
         given = self._depth_file(name)
         if given is None:
             raise InputError(f"{self._folder / name}.depth.png is missing")
@@ -266,7 +267,9 @@ class Reader:
     def _mesh(
         self, called: str, exported: ExportedObject, one: PosedObject, T: Float
     ) -> tuple[Path, float, Float, tuple[str, ...]]:
-        """An object's mesh, its unit [m], its axes (4, 4) [m] in the object's, and a note where it does not fit."""
+        """An object's mesh, its unit [m], the pose (4, 4) [m] of its axes in the object's, and a note where it does not
+        fit.
+        """
         if called not in self._meshes:
             names = dict.fromkeys((called, called.removesuffix("_16k")))
             own = (self._models / name / inner for name in names for inner in ("", "google_16k"))
@@ -283,8 +286,8 @@ class Reader:
 
 
 def _placed(file: Path, box_m: Float | None, fixed: Float | None) -> tuple[float, Float, tuple[str, ...]]:
-    """The unit [m] of a mesh and its axes (4, 4) [m] in the object's: those by which its box is most nearly ``box_m``
-    (2, 3), as it is or by ``fixed``; and a note where none fits.
+    """The unit [m] of a mesh and the pose (4, 4) [m] of its axes in the object's, the identity or ``fixed``, with which
+    its box is nearest to ``box_m`` (2, 3); and a note where none fits.
     """
     if box_m is None:
         return CENTIMETRE_M, np.eye(4), (f"{file.name} counts as in centimetres and aligned: frames state no cuboid",)

@@ -33,18 +33,18 @@ class Reader:
         by_age = sorted(self._folders.values(), key=begun_at)
         names = dict.fromkeys(name for path in by_age for name in object_names(path))
         self.objects: Mapping[str, int] = {name: k for k, name in enumerate(names, 1)}
-        """By the first trace that has them, in the order in which the traces were begun."""
+        """Numbers in the order of first occurrence, over traces in the order of their beginnings."""
 
     @staticmethod
     def recognizes(folder: Path) -> bool:
         return bool(traces_in(folder))
 
     def frame(self, name: str) -> RecordedFrame:
-        """One of them; InputError where it cannot be read."""
+        """One of the traces; InputError where it cannot be read."""
         return read_trace(self._folders[name])
 
     def answers(self, name: str) -> Mapping[str, tuple[Float | None, float | None]]:
-        """The poses that one ended with, and their scores; none where it cannot be read."""
+        """The final poses of a trace, and their scores; none where it cannot be read."""
         try:
             return recorded_answers(self._folders[name])
         except InputError:
