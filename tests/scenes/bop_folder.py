@@ -22,6 +22,8 @@ from verefine_viz.scenes.source import SceneSource, open_scene
 
 OBJ_IDS = (2, 5, 2)
 """Object of instance 0, 1, 2: left, middle, right."""
+POSE = "1 0 0 0 1 0 0 0 1,0 0 600"
+"""R and t [mm] of a row of a results file."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from tests.fakes import box_problem
-from tests.scenes.bop_folder import OBJ_IDS, Made, box_ply, detections, make, refusal
+from tests.scenes.bop_folder import OBJ_IDS, POSE, Made, box_ply, detections, make, refusal
 from tests.scenes.write_bop import write_bop
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.geometry import axis_angle, inverse, transform
@@ -188,9 +188,6 @@ def test_detections_without_a_mask_and_more_than_there_are_objects_are_left_out(
     problem = made.read(masks=str(tmp_path / "boxes.json"))
     assert [i.obj_id for i in problem.instances] == [2]
     assert any("2 detections in boxes.json" in note for note in problem.notes)
-
-
-POSE = "1 0 0 0 1 0 0 0 1,0 0 600"
 
 
 def test_names_and_keys_with_more_or_fewer_zeros_are_the_same(tmp_path: Path) -> None:

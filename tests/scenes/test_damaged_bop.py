@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.scenes.bop_folder import Made, box_ply, cut, detections, image, make, refusal
+from tests.scenes.bop_folder import POSE, Made, box_ply, cut, detections, image, make, refusal
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
@@ -21,7 +21,6 @@ from verefine_viz.scenes.source import open_scene
 
 Spoil = Callable[[Made], Any]
 MASK = "mask_visib/000003_000001.png"
-POSE = "1 0 0 0 1 0 0 0 1,0 0 600"
 
 
 def edited(file: str, change: Callable[[Any], Any]) -> Spoil:

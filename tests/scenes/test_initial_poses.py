@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from msgspec import structs
 
-from tests.scenes.bop_folder import Made, make
+from tests.scenes.bop_folder import POSE, Made, make
 from tests.scenes.test_trace import pose
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import angle_between, axis_angle, rotation_of_quat_wxyz, rotation_vector, transform
@@ -169,9 +169,6 @@ def test_method_of_a_file_name() -> None:
         ("my_poses.csv", "my_poses"),
     ):
         assert method_of(f"/some/where/{name}") == method
-
-
-POSE = "1 0 0 0 1 0 0 0 1,0 0 600"
 
 
 def test_a_bad_line_of_a_results_file_is_left_out_and_the_first_is_named(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ from verefine_viz.run.imported_folder import imported
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.detections import DetectionsFile
 from verefine_viz.scenes.layouts.extended_apc import OBJECTS, Reader
-from verefine_viz.scenes.source import SceneSource, open_scene
+from verefine_viz.scenes.source import open_scene
 
 
 def test_images_of_linemod_that_are_counted_otherwise_are_paired_in_order(tmp_path: Path) -> None:
@@ -131,11 +131,6 @@ def test_depth_may_be_an_array_in_steps_or_in_metres(tmp_path: Path) -> None:
             assert np.abs(problem_at(folder).observation.depth_m - DEPTH).max() < 1e-3, (write, name)
 
 
-def opened(folder: Path) -> SceneSource:
-    known = data_at(folder, {})
-    return open_scene(known.session.scene, known.session.hypotheses)
-
-
 @pytest.fixture
 def published(shared_data: Path, tmp_path: Path) -> Path:
     """The frame as the authors have it: depth turned by three bits, all masks in one image, poses of the world."""
@@ -171,7 +166,7 @@ def published(shared_data: Path, tmp_path: Path) -> Path:
 
 
 def test_the_published_layout_is_the_frame_in_bop_layout(published: Path, shared_data: Path) -> None:
-    problem, image = opened(published).problem("4/0"), BopDataset(shared_data / "xapc", "test").image(4, 0)
+    problem, image = problem_at(published), BopDataset(shared_data / "xapc", "test").image(4, 0)
     assert np.array_equal(problem.observation.depth_m, image.depth_m)
     assert np.allclose(problem.observation.camera.K, image.camera.K)
     assert [instance.obj_id for instance in problem.instances] == [8, 2, 3]
@@ -183,7 +178,7 @@ def test_the_published_layout_is_the_frame_in_bop_layout(published: Path, shared
 
 def test_its_dependency_list_is_the_order_and_the_settings_win(published: Path) -> None:
     known = data_at(published, {})
-    problem = opened(published).problem("4/0")
+    problem = problem_at(published)
     graph = dependency_graph(problem, known.session.dependency)
     assert (graph.source, graph.clusters) == ("given", ((0, 1), (2,)))
     other = structs.replace(known.session.dependency, order=((3,), (2, 8)))
@@ -194,7 +189,7 @@ def test_its_dependency_list_is_the_order_and_the_settings_win(published: Path) 
 def test_an_imported_scene_is_bop_with_its_order_and_what_is_down(published: Path, tmp_path: Path) -> None:
     assert [*imported(published, tmp_path / "bop")][1:] == ["4/0 → 1/1"]
     known = data_at(tmp_path / "bop", {})
-    problem, first = opened(tmp_path / "bop").problem("1/1"), opened(published).problem("4/0")
+    problem, first = problem_at(tmp_path / "bop"), problem_at(published)
     assert dependency_graph(problem, known.session.dependency).clusters == ((0, 1), (2,))
     for one, other in zip(problem.instances, first.instances, strict=True):
         assert problem.models[one.obj_id].name == first.models[other.obj_id].name
