@@ -287,6 +287,7 @@ def test_an_instance_whose_rows_another_one_took_says_which(made: Made) -> None:
     for n in (1, 2):
         (note,) = notes_of(made, line(5, 0.9, middle), *rows[:n])
         assert "#0" in note
+        assert ("2 rows" in note) == (n == 2)
 
 
 def test_estimates_far_from_their_depth_are_named(made: Made) -> None:
