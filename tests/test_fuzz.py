@@ -31,12 +31,11 @@ from tests.learned.tiny_network import constant_network
 from tests.made_runs import answer, finished, written
 from tests.recording.runs import run_file, session
 from tests.scenes.bop_folder import detections, make
-from tests.scenes.test_array_images import to_array
 from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_graspa_layout import _layout
+from tests.scenes.test_image_files import to_array
 from tests.scenes.test_layouts import CASES
-from tests.scenes.test_materials import write_gltf, write_obj
-from tests.scenes.test_textures import textured_ply
+from tests.scenes.test_mesh_colours import textured_ply, write_gltf, write_obj
 from tests.scenes.test_trace import write_box, write_trace
 from verefine_viz import cli
 from verefine_viz.batch.answer_tags import read_tags

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from pycocotools import mask as coco
 
 from tests.fakes import box_problem
 from verefine_viz.core.arrays import Float
@@ -21,6 +22,8 @@ from verefine_viz.scenes.source import SceneSource, open_scene
 
 OBJ_IDS = (2, 5, 2)
 """Object of instance 0, 1, 2: left, middle, right."""
+POSE = "1 0 0 0 1 0 0 0 1,0 0 600"
+"""R and t [mm] of a row of a results file."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +64,10 @@ def make(
     models: str = "models",
     color: str = "rgb",
     suffix: str = ".png",
-    depth_suffix: str = ".png",
     depth_scale: float = 0.1,
     targets: bool = True,
 ) -> Made:
-    """Writes the folder; ``color`` is rgb, gray, gray16 or none."""
+    """Writes the folder; ``color`` is rgb, gray or gray16."""
     problem = box_problem(n_instances=3)
     observation = problem.observation
     scene = root / split / f"{scene_id:06d}"
@@ -73,13 +75,10 @@ def make(
         (scene / kind).mkdir(parents=True)
     stem = f"{im_id:06d}"
     raw = np.round(observation.depth_m.astype(float) * 1e3 / depth_scale).astype(np.uint16)
-    Image.fromarray(raw).save(scene / "depth" / f"{stem}{depth_suffix}")
-    if color == "rgb":
-        Image.fromarray(observation.rgb).save(scene / "rgb" / f"{stem}{suffix}")
-    elif color == "gray":
-        Image.fromarray(observation.rgb[..., 0]).save(scene / "gray" / f"{stem}{suffix}")
-    elif color == "gray16":
-        Image.fromarray(observation.rgb[..., 0].astype(np.uint16) * 257).save(scene / "gray" / f"{stem}{suffix}")
+    Image.fromarray(raw).save(scene / "depth" / f"{stem}.png")
+    grey = observation.rgb[..., 0]
+    pixels = {"rgb": observation.rgb, "gray": grey, "gray16": grey.astype(np.uint16) * 257}[color]
+    Image.fromarray(pixels).save(scene / color.removesuffix("16") / f"{stem}{suffix}")
     gt, info = [], []
     for k, instance in enumerate(problem.instances):
         for kind in ("mask", "mask_visib"):
@@ -122,28 +121,18 @@ def box_ply(problem: Problem, unit_m: float = 1e-3) -> str:
 def detections(made: Made, kind: str = "list") -> list[dict[str, Any]]:
     """The three masks as BOP detections; ``kind`` is list, string or box."""
     scene_id, im_id = map(int, made.frame.split("/"))
+    ids = {"scene_id": scene_id, "image_id": im_id}
+    rest = {"bbox": [0, 0, 1, 1], "time": 0.1}
     entries = []
     for k, instance in enumerate(made.problem.instances):
-        h, w = instance.mask.shape
         segmentation: Any = {}
         if kind == "list":
-            segmentation = {"size": [h, w], "counts": run_lengths(instance.mask)}
+            segmentation = {"size": [*instance.mask.shape], "counts": run_lengths(instance.mask)}
         elif kind == "string":
-            from pycocotools import mask as coco
-
             code: Any = coco.encode(np.asfortranarray(instance.mask.astype(np.uint8)))
-            segmentation = {"size": [h, w], "counts": code["counts"].decode("ascii")}
-        entries.append(
-            {
-                "scene_id": scene_id,
-                "image_id": im_id,
-                "category_id": OBJ_IDS[k],
-                "score": 0.9 - 0.1 * k,
-                "bbox": [0, 0, 1, 1],
-                "segmentation": segmentation,
-                "time": 0.1,
-            }
-        )
+            segmentation = {"size": [*instance.mask.shape], "counts": code["counts"].decode("ascii")}
+        one = {"category_id": OBJ_IDS[k], "score": 0.9 - 0.1 * k, "segmentation": segmentation}
+        entries.append({**ids, **one, **rest})
     return entries
 
 

@@ -1,10 +1,11 @@
-"""Built-in scenes: they are what they say, the same in every process, and solvable."""
+"""Built-in scenes: they are what they say, the same in every process, and solvable; each failure shows its failure."""
 
 from __future__ import annotations
 
 import hashlib
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
@@ -13,18 +14,25 @@ import pytest
 import trimesh
 
 from tests.calibration.sizes import scene
+from verefine_viz.core.accuracy import PoseErrors
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.geometry import apply, transform
-from verefine_viz.core.problem import Placed, Problem
+from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.rendering.rendered_scene import render_scene
+from verefine_viz.run.breakpoints import hits
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo import demo_objects, demo_problem
 from verefine_viz.scenes.demo_models import KINDS, demo_model
-from verefine_viz.scenes.demo_scenes import SCENES
+from verefine_viz.scenes.demo_scenes import FAILURES, SCENES
 from verefine_viz.scenes.results_csv import ResultRow, write_results
 from verefine_viz.scenes.source import open_scene
 
 pytestmark = pytest.mark.usefixtures("long_run")
+SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 
 
 def made(name: str, frame: str = "0/0", fields: dict | None = None, **hypotheses: object) -> Problem:
@@ -40,12 +48,8 @@ def digest(problem: Problem) -> str:
     return h.hexdigest()
 
 
-def demo(**fields: object) -> SceneSettings:
-    return msgspec.convert({"source": "demo", "demo": "clutter", **fields}, SceneSettings)
-
-
 def test_a_scene_has_a_frame_per_viewpoint_and_each_is_made_once() -> None:
-    source = open_scene(demo(), HypothesesSettings())
+    source = open_scene(SceneSettings(demo="clutter"), HypothesesSettings())
     assert source.frames == ("0/0", "0/1", "0/2")
     problem = source.problem("0/1")
     assert problem.frame == "0/1"
@@ -54,13 +58,13 @@ def test_a_scene_has_a_frame_per_viewpoint_and_each_is_made_once() -> None:
 
 def test_unknown_names_list_what_there_is() -> None:
     for fields, words in (
-        ({"demo": "teapot"}, "unknown demo scene 'teapot'; available: mug, "),
-        ({"frames": ["1/1"]}, "unknown frame '1/1'; available: 0/0, 0/1, 0/2"),
-        ({"objects": [1, 99]}, "unknown object 99 in scene.objects; available: 1"),
+        ({"demo": "teapot"}, "available: mug, "),
+        ({"demo": "clutter", "frames": ["1/1"]}, "available: 0/0, 0/1, 0/2"),
+        ({"demo": "clutter", "objects": [1, 99]}, "available: 1"),
     ):
         with pytest.raises(VerefineError, match=words):
-            open_scene(demo(**fields), HypothesesSettings())
-    with pytest.raises(VerefineError, match="a built-in scene has 'mask_visib' and 'mask' only"):
+            open_scene(msgspec.convert({"source": "demo", **fields}, SceneSettings), HypothesesSettings())
+    with pytest.raises(VerefineError, match="'mask_visib' and 'mask'"):
         made("mug", fields={"masks": "detections.json"})
 
 
@@ -117,13 +121,10 @@ def test_another_process_makes_the_same_bits() -> None:
     assert there.stdout.strip().splitlines()[-1] == here
 
 
-def test_the_seed_changes_the_noise_and_not_the_layout() -> None:
+def test_the_seed_changes_the_noise_and_objects_are_chosen() -> None:
     first, second = scene("duck"), made("duck", fields={"seed": 1})
     assert first.observation.depth_m.tobytes() != second.observation.depth_m.tobytes()
     np.testing.assert_array_equal(first.instances[0].T_cam_obj_gt, second.instances[0].T_cam_obj_gt)
-
-
-def test_only_the_wanted_objects_are_instances() -> None:
     problem = made("clutter", fields={"objects": [1, 4]})
     assert sorted(i.obj_id for i in problem.instances) == [1, 4]
     assert set(problem.models) == {1, 4}
@@ -146,3 +147,87 @@ def test_results_files_can_start_a_demo_and_are_reported_apart_by_their_folders(
     assert [h.source for h in instance.hypotheses] == ["first/results", "second/results", "mine"]
     assert [h.confidence for h in instance.hypotheses] == [0.9, 0.5, 0.4]
     np.testing.assert_allclose(instance.hypotheses[0].T_cam_obj, T, atol=1e-6)
+
+
+# Failures.
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """A session, run to its end."""
+
+    toolbox: Toolbox
+    target: Target
+    iterations: tuple[Iteration, ...]
+    best: Best
+
+    @property
+    def errors(self) -> PoseErrors:
+        return pose_errors(self.target.model, self.best.T_cam_obj, self.target.instance.T_cam_obj_gt)
+
+    def score_of(self, T_cam_obj: np.ndarray) -> float:
+        return self.toolbox.verifier.score(self.target, T_cam_obj[None])[0].score
+
+
+def play(name: str, **overrides: dict[str, object]) -> Played:
+    toolbox = Toolbox(load_session(SESSIONS / f"{name}.toml", overrides))
+    problem = toolbox.problem(toolbox.frames[0])
+    run = toolbox.run(problem)
+    (best,), (target,) = run.finish().best, problem.targets
+    return Played(toolbox, target, run.iterations, best)
+
+
+@pytest.mark.parametrize("name", sorted(FAILURES))
+def test_every_failure_ends_wrong_and_neither_title_nor_notes_say_why(name: str) -> None:
+    played = play(name)
+    assert played.errors.relative > 0.1
+    title = played.toolbox.session.title
+    assert title.startswith("What went wrong? ")
+    assert not set(name.removeprefix("failure_").split("_")) & set(title.lower().split())
+    problem = played.toolbox.problem(played.toolbox.frames[0])
+    assert all(note.startswith("the initial poses belong to this scene") for note in problem.notes)
+    assert demo_objects(name) == {obj_id: model.name for obj_id, model in problem.models.items()}
+
+
+def test_every_failure_has_its_session() -> None:
+    # Out of range is a session of its own: the scene is the duck, and a learned refiner starts too far away.
+    assert {p.stem for p in SESSIONS.glob("failure_*.toml")} == {*FAILURES, "failure_out_of_range"}
+
+
+@pytest.mark.parametrize("steps", [3, 20])
+def test_what_topples_is_marked_however_short_the_simulation(steps: int) -> None:
+    played = play("failure_simulation_topples", method={"name": "rir"}, physics={"steps": steps})
+    for arm in (0, 1):
+        first = next(i for i in played.iterations if i.arm == arm)
+        (text,) = (e.text for e in first.events if e.kind == "unstable")
+        problem = played.toolbox.problem(played.toolbox.frames[0])
+        assert hits(played.toolbox.session.breakpoints, problem, first) == (text,)
+
+
+def test_a_promising_arm_is_starved() -> None:
+    played = play("failure_arm_starved")
+    assert 4 not in {i.arm for i in played.iterations}
+    what_if = play("failure_arm_starved", method={"exploration": 0.2})
+    assert what_if.best.arm == 4
+    assert what_if.best.score.score > played.best.score.score + 0.1
+    assert what_if.errors.relative < 0.02
+
+
+def test_the_mug_gives_the_bandit_something_to_do() -> None:
+    played = play("mug")
+    assert len({i.arm for i in played.iterations}) >= 2
+    assert played.best.score.score > 0.85
+    assert played.errors.relative < 0.05
+
+
+def test_score_prefers_flip() -> None:
+    name = "failure_score_prefers_flip"
+    played = play(name)
+    assert played.errors.rotation_deg > 170
+    at_truth = played.score_of(played.target.instance.T_cam_obj_gt)
+    assert abs(played.best.score.score - at_truth) < 0.01, "depth cannot tell"
+    for w in (0.1, 0.4):
+        by_colour = play(name, score={"colour_weight": w})
+        assert by_colour.errors.relative < 0.02
+        assert by_colour.best.score.colour_fit > 0.9
+        assert by_colour.best.score.score > by_colour.score_of(played.best.T_cam_obj) + 0.5 * w

@@ -48,14 +48,17 @@ def of_mesh(observation: Observation = PROBLEM.observation, **physics: Any) -> S
 
 
 def rows(T: np.ndarray) -> tuple[float, ...]:
-    return tuple(float(x) for x in T.ravel())
+    return tuple(T.ravel().tolist())
+
+
+IN_CAMERA = rows(inverse(SUPPORT.T_world_cam))
+"""Pose of the support's world in the camera's frame."""
 
 
 @pytest.mark.parametrize("unit_m", [1.0, 0.001])
 def test_a_mesh_in_the_cameras_frame_and_in_the_worlds_is_the_same(tmp_path: Path, unit_m: float) -> None:
     path = written(tmp_path, table(), 1 / unit_m)
-    T_cam_world = inverse(SUPPORT.T_world_cam)
-    camera = of_mesh(mesh=path, mesh_unit_m=unit_m, mesh_frame="camera", mesh_pose=rows(T_cam_world))
+    camera = of_mesh(mesh=path, mesh_unit_m=unit_m, mesh_frame="camera", mesh_pose=IN_CAMERA)
     mapped = replace(PROBLEM.observation, T_map_cam=transform(np.eye(3), [1.0, 2.0, 3.0]) @ SUPPORT.T_world_cam)
     pose = rows(transform(np.eye(3), [1.0, 2.0, 3.0]))
     world = of_mesh(mapped, mesh=path, mesh_unit_m=unit_m, mesh_pose=pose)
@@ -68,12 +71,11 @@ def test_a_mesh_in_the_cameras_frame_and_in_the_worlds_is_the_same(tmp_path: Pat
 @pytest.mark.parametrize("start_mm", [5.0, -20.0])
 def test_an_object_rests_on_the_mesh_also_from_inside(tmp_path: Path, start_mm: float) -> None:
     """A board whose two top triangles meet below the middle of the object."""
-    T_cam_world = inverse(SUPPORT.T_world_cam)
-    around = of_mesh(mesh=written(tmp_path, table(0.02)), mesh_frame="camera", mesh_pose=rows(T_cam_world))
+    around = of_mesh(mesh=written(tmp_path, table(0.02)), mesh_frame="camera", mesh_pose=IN_CAMERA)
     support = replace(SUPPORT, surroundings=around)
     model = next(iter(PROBLEM.models.values()))
     start = transform(np.eye(3), [MIDDLE[0], MIDDLE[1], 0.02 + 0.03 + 1e-3 * start_mm])
-    moving = Placed(0, model, T_cam_world @ start)
+    moving = Placed(0, model, inverse(SUPPORT.T_world_cam) @ start)
     path = BulletSimulator(PhysicsSettings(collider="hull")).settle(moving, (), support, 120)
     end = SUPPORT.T_world_cam @ path.T_cam_obj
     np.testing.assert_allclose(end[:3, 3], [MIDDLE[0], MIDDLE[1], 0.05], atol=0.002)
@@ -83,8 +85,7 @@ def test_an_open_sheet_gets_its_thickness_away_from_the_camera(tmp_path: Path) -
     """A wall behind the box, one sheet."""
     sheet = trimesh.Trimesh([[-0.3, 0, 0], [0.3, 0, 0], [0.3, 0, 0.3], [-0.3, 0, 0.3]], [[0, 1, 2], [0, 2, 3]])
     sheet.apply_translation([MIDDLE[0], MIDDLE[1] + 0.1, 0])
-    pose = rows(inverse(SUPPORT.T_world_cam))
-    around = of_mesh(mesh=written(tmp_path, sheet), mesh_frame="camera", mesh_pose=pose)
+    around = of_mesh(mesh=written(tmp_path, sheet), mesh_frame="camera", mesh_pose=IN_CAMERA)
     assert len(around.solids) == 1
     assert around.surfaces == ()
     y = around.solids[0].vertices[:, 1]
@@ -95,30 +96,28 @@ def test_the_largest_surface_is_the_first(tmp_path: Path) -> None:
     step = trimesh.creation.box([0.1, 0.1, 0.02])
     step.apply_translation([MIDDLE[0] + 0.2, MIDDLE[1], 0.01])
     both = trimesh.util.concatenate([step, table()])
-    pose = rows(inverse(SUPPORT.T_world_cam))
-    around = of_mesh(mesh=written(tmp_path, both), mesh_frame="camera", mesh_pose=pose)
+    around = of_mesh(mesh=written(tmp_path, both), mesh_frame="camera", mesh_pose=IN_CAMERA)
     assert [round(float(s.heights(MIDDLE[None])[0]), 4) for s in around.surfaces] == [0.04, 0.02]
     # Without depth on the objects nothing shows what is near: all of the mesh counts.
     empty = replace(PROBLEM.observation, depth_m=np.zeros_like(PROBLEM.observation.depth_m))
-    assert len(of_mesh(empty, mesh=str(tmp_path / "cell.ply"), mesh_frame="camera", mesh_pose=pose).solids) == 12
+    assert len(of_mesh(empty, mesh=str(tmp_path / "cell.ply"), mesh_frame="camera", mesh_pose=IN_CAMERA).solids) == 12
 
 
-def test_what_is_wrong_is_one_line(tmp_path: Path) -> None:
+def test_what_is_wrong_is_refused(tmp_path: Path) -> None:
     moved = table()
     moved.apply_translation([0, 0, 5.0])
     mesh = written(tmp_path, moved)
     for physics, error, words in (
-        ({"mesh": ""}, SettingsError, "physics.mesh names no file"),
+        ({"mesh": ""}, SettingsError, "physics.mesh"),
         ({"mesh": "there/is/none.ply"}, InputError, "none.ply"),
-        ({"mesh_frame": "world"}, InputError, "does not say where its camera is"),
-        ({"mesh_pose": (1.0, 2.0)}, InputError, "has 2 numbers, expected 16"),
+        ({"mesh_frame": "world"}, InputError, "camera"),
+        ({"mesh_pose": (1.0, 2.0)}, InputError, "2 numbers, expected 16"),
         ({"mesh_pose": tuple(range(16))}, InputError, "physics.mesh_pose"),
-        ({"mesh_unit_m": 0.001}, InputError, "nothing within 0.5 m of the objects"),
+        ({"mesh_unit_m": 0.001}, InputError, "0.5 m"),
     ):
-        with pytest.raises(error, match=words) as raised:
+        with pytest.raises(error, match=words):
             of_mesh(**{"mesh_frame": "camera", "mesh": mesh, **physics})
-        assert "\n" not in str(raised.value)
     with pytest.raises(InputError, match=r"cell_9\.ply"):  # Before a batch's first frame.
         check(resolve({"physics": {"support": "mesh", "mesh": str(tmp_path / "cell_9.ply")}}))
-    with pytest.raises(SettingsError, match=r'physics\.mesh is set, but physics\.support is "plane"'):
+    with pytest.raises(SettingsError, match=r"physics\.mesh"):
         resolve({"physics": {"mesh": "cell.ply"}})

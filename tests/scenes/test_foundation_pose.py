@@ -80,64 +80,53 @@ def test_depth_in_metres_and_a_mesh_in_millimetres_are_understood(tmp_path: Path
     problem = source_of(folder).problem("0/1")
     assert np.allclose(problem.observation.depth_m, depth)
     assert problem.models[1].diameter_m == pytest.approx(0.1 * 3**0.5)
-    for words in ("depth in metres", "holds 2 meshes; textured.obj is used, not z.obj"):
+    for words in ("depth in metres", "textured.obj is used, not z.obj"):
         assert any(words in note for note in problem.notes)
 
 
-def test_a_folder_that_lacks_something_says_what(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="holds no data that are known; looked for run files"):
-        open_session(tmp_path, {})
-    folder = write_sequence(tmp_path / "mustard")
-    (folder / "cam_K.txt").unlink()
-    with pytest.raises(InputError, match=r"but cam_K\.txt is missing"):
-        open_session(folder, {})
-
-
-BAD: dict[str, Callable[[Path], object]] = {
-    "has no mesh": lambda f: shutil.rmtree(f / "mesh"),
-    "80×60 pixels": lambda f: Image.new("RGB", (80, 60)).save(f / "rgb" / "1581120424100262100.png"),
-    "expected 3×3": lambda f: (f / "cam_K.txt").write_text("500 0 320"),
-}
-
-
-def test_a_damaged_file_is_one_clear_line(tmp_path: Path) -> None:
-    for k, (message, spoil) in enumerate(BAD.items()):
+def test_a_damaged_file_is_refused_and_a_damaged_pose_noted(tmp_path: Path) -> None:
+    name = "1581120424100262100"
+    spoils: tuple[tuple[str, Callable[[Path], object]], ...] = (
+        ("no mesh", lambda f: shutil.rmtree(f / "mesh")),
+        ("80×60", lambda f: Image.new("RGB", (80, 60)).save(f / "rgb" / f"{name}.png")),
+        ("3×3", lambda f: (f / "cam_K.txt").write_text("500 0 320")),
+    )
+    for k, (message, spoil) in enumerate(spoils):
         folder = write_sequence(tmp_path / str(k))
         spoil(folder)
         with pytest.raises(InputError, match=message):
             source_of(folder).problem("0/1")
-
-
-def test_a_pose_that_is_none_becomes_a_note(tmp_path: Path) -> None:
     folder = write_sequence(tmp_path / "mustard")
     for text in ("1 2 3", "nan " * 16, " ".join(["2"] * 16), "x"):
-        (folder / "ob_in_cam" / "1581120424100262100.txt").write_text(text)
+        (folder / "ob_in_cam" / f"{name}.txt").write_text(text)
         problem = source_of(folder).problem("0/1")
         assert not problem.instances[0].hypotheses
-        assert any("ob_in_cam/1581120424100262100.txt is left out" in note for note in problem.notes), text
+        assert any(f"{name}.txt" in note for note in problem.notes), text
 
 
-def test_folders_are_recognized(tmp_path: Path) -> None:
-    sequence = write_sequence(tmp_path / "mustard")
+def test_folders_open_with_what_they_hold(tmp_path: Path) -> None:
+    """Recorded poses are gone through, or a method starts from them, from the truth or from the images."""
+    folder = write_sequence(tmp_path / "mustard")
     write_trace(tmp_path / "runs" / "a_1", write_box(tmp_path / "box.obj"))
     write_trace(tmp_path / "runs" / "a_2", tmp_path / "box.obj")
-    kinds = {path: data_at(path, {}) for path in (sequence, tmp_path / "runs", tmp_path / "runs" / "a_1")}
-    words = [known.what for known in kinds.values() if known is not None]
-    assert words == ["layout of FoundationPose's demo, 3 frames", "traces, 2 frames", "traces, 1 frame"]
-    assert all(known is not None and known.session.method.name == "trace" for known in kinds.values())
+    for path in (folder, tmp_path / "runs", tmp_path / "runs" / "a_1"):
+        assert holds_frames(path)
+        for given, method, source in (
+            ({}, "trace", "recorded"),
+            ({"method": {"name": "rir"}}, "rir", "recorded"),
+            ({"hypotheses": {"source": "perturb"}}, "rir", "perturb"),
+        ):
+            session = open_session(path, given)
+            assert (session.method.name, session.hypotheses.source) == (method, source)
+        with pytest.raises(SettingsError, match="hypotheses"):
+            open_session(path, {"hypotheses": {"source": "ppf"}, "method": {"name": "trace"}})
     assert data_at(tmp_path, {}) is None
     assert not holds_frames(tmp_path)
-    assert holds_frames(tmp_path / "runs")
-
-
-def test_another_method_starts_from_the_recorded_poses(tmp_path: Path) -> None:
-    write_trace(tmp_path / "t", write_box(tmp_path / "box.obj"))
-    session = open_session(tmp_path / "t", {"method": {"name": "rir"}})
-    assert (session.method.name, session.hypotheses.source) == ("rir", "recorded")
-    session = open_session(tmp_path / "t", {"hypotheses": {"source": "perturb"}})
-    assert session.method.name == "rir"
-    with pytest.raises(SettingsError, match="needs hypotheses"):
-        open_session(tmp_path / "t", {"hypotheses": {"source": "ppf"}, "method": {"name": "trace"}})
+    (folder / "ob_in_cam").rename(folder / "annotated_poses")
+    session = open_session(folder, {})
+    assert (session.hypotheses.source, session.method.name) == ("perturb", "rir")
+    shutil.rmtree(folder / "annotated_poses")
+    assert open_session(folder, {}).hypotheses.source == "ppf"
 
 
 def test_what_is_imported_opens_as_a_data_set_with_the_same_content(tmp_path: Path) -> None:
@@ -152,10 +141,9 @@ def test_what_is_imported_opens_as_a_data_set_with_the_same_content(tmp_path: Pa
         assert np.array_equal(problem.instances[0].mask, recorded.instances[0].mask)
         (ours,), (theirs,) = problem.instances[0].hypotheses, recorded.instances[0].hypotheses
         assert np.allclose(ours.T_cam_obj, theirs.T_cam_obj, atol=1e-6)
-    with pytest.raises(InputError, match="no import is needed"):
-        [*imported(tmp_path / "bop", tmp_path / "again")]
-    with pytest.raises(InputError, match="nothing that can be imported; looked for"):
-        [*imported(tmp_path / "mustard" / "rgb", tmp_path / "again")]
+    for refused in (tmp_path / "bop", folder / "rgb"):
+        with pytest.raises(InputError, match="import"):
+            [*imported(refused, tmp_path / "again")]
 
 
 def test_poses_that_are_counted_otherwise_are_paired_in_order(tmp_path: Path) -> None:
@@ -165,12 +153,12 @@ def test_poses_that_are_counted_otherwise_are_paired_in_order(tmp_path: Path) ->
     for k in range(3):
         np.savetxt(folder / "annotated_poses" / f"{k:07d}.txt", pose(x=0.01 * k))
     source = source_of(folder)
-    assert "are named otherwise than the frames; they are paired in order" in source.notes[0]
+    assert "paired in order" in source.notes[0]
     for k, frame in enumerate(source.frames):
         assert np.allclose(source.problem(frame).instances[0].T_cam_obj_gt, pose(x=0.01 * k))
     (folder / "annotated_poses" / "0000001.txt").unlink()
     source = source_of(folder)
-    assert "has 2 poses of other names than the 3 frames; they are left out" in source.notes[0]
+    assert "left out" in source.notes[0]
     assert source.problem("0/1").instances[0].T_cam_obj_gt is None
 
 
@@ -183,12 +171,3 @@ def test_poses_may_be_arrays_or_have_three_rows(tmp_path: Path) -> None:
     source = source_of(folder)
     for k, frame in enumerate(source.frames):
         assert np.allclose(source.problem(frame).instances[0].hypotheses[0].T_cam_obj, pose(x=0.002 * k))
-
-
-def test_without_poses_a_method_starts_from_the_truth_or_from_the_images(tmp_path: Path) -> None:
-    folder = write_sequence(tmp_path / "mustard")
-    (folder / "ob_in_cam").rename(folder / "annotated_poses")
-    session = open_session(folder, {})
-    assert (session.hypotheses.source, session.method.name) == ("perturb", "rir")
-    shutil.rmtree(folder / "annotated_poses")
-    assert open_session(folder, {}).hypotheses.source == "ppf"

@@ -5,14 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import open3d as o3d
 import pytest
 
-from verefine_viz.core.arrays import Float, Mask
-from verefine_viz.core.camera import Camera
-from verefine_viz.core.geometry import apply
-from verefine_viz.core.model import ObjectModel
+from tests.rendering.witness import cast
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.scenes.models import ModelLibrary
 from verefine_viz.scenes.segments import overlap, silhouette
 from verefine_viz.scenes.source import SceneSource, open_scene
 
@@ -28,31 +25,17 @@ def ycbv(shared_data: Path) -> SceneSource:
     )
 
 
-def ray_cast(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> Mask:
-    """An independent witness of what the model covers."""
-    scene = o3d.t.geometry.RaycastingScene()
-    vertices = apply(T_cam_obj, model.vertices).astype(np.float32)
-    scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(model.faces.astype(np.uint32)))
-    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
-    directions = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
-    rays = np.concatenate([np.zeros_like(directions), directions], axis=-1).astype(np.float32)
-    return np.isfinite(scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy())
-
-
-def test_all_frames_are_found(ycbv: SceneSource) -> None:
-    assert ycbv.frames == FRAMES
-    assert ycbv.notes == ()
-
-
 @pytest.mark.parametrize("frame", ["0/3", "49/2365", "50/1", "900/2"])
 def test_ground_truth_covers_its_mask(ycbv: SceneSource, frame: str) -> None:
+    assert (ycbv.frames, ycbv.notes) == (FRAMES, ())
     problem = ycbv.problem(frame)
     assert problem.notes == ()
     assert problem.observation.support is not None
     for instance in problem.instances:
         model, camera = problem.models[instance.obj_id], problem.observation.camera
         outline = silhouette(model, instance.T_cam_obj_gt, camera)
-        assert overlap(outline, ray_cast(model, instance.T_cam_obj_gt, camera)) > 0.998
+        # By an independent witness of what the model covers.
+        assert overlap(outline, cast([(model, instance.T_cam_obj_gt)], camera)[2] == 0) > 0.998
         # ``mask`` is the full silhouette, rendered from ground truth by others.
         assert overlap(outline, instance.mask) > 0.998
         assert len(instance.points_cam) == 1000
@@ -101,8 +84,6 @@ def test_the_frame_without_ground_truth_comes_from_detections(shared_data: Path)
 
 
 def test_every_model_of_the_data_loads(shared_data: Path) -> None:
-    from verefine_viz.scenes.models import ModelLibrary
-
     for name, count in (("ycbv", 21), ("xapc", 11)):
         library = ModelLibrary(shared_data / name, 200, 0)
         assert len(library.ids) == count

@@ -133,51 +133,37 @@ BAD_CALLS = {
     "time": lambda box: box.step(0, pose(), ms="fast"),
     "word for a score": lambda box: box.step(0, pose(), score="good"),
 }
-RAW_WORDS = ("could not convert", "invalid literal", "np.str_", "PathLike", "Errno")
-"""Of Python's and numpy's own messages."""
+BAD_PARTS = {"mesh": Path("none.obj"), "mask": np.ones((50, 160), bool), "unit_m": -1, "truth": np.eye(3)}
 
 
-def test_a_bad_call_is_counted_and_never_raises(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_bad_call_or_a_bad_part_of_an_object_is_counted_and_never_raises(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     depth, mask = picture()
-    mesh = write_box(tmp_path / "box.obj")
-    for name, call in BAD_CALLS.items():
+    right = {"mesh": write_box(tmp_path / "box.obj"), "mask": mask, "unit_m": 0.001, "truth": pose()}
+    for name in (*BAD_CALLS, *BAD_PARTS):
         caplog.clear()
         with caplog.at_level(logging.WARNING), Trace(tmp_path / name, K=K, depth_m=depth) as trace:
-            box = trace.object("box", mesh=mesh, mask=mask, unit_m=0.001)
+            box = trace.object("box", **right | {part: bad for part, bad in BAD_PARTS.items() if part == name})
             box.hypothesis(0, pose())
-            call(box)
+            BAD_CALLS.get(name, lambda box: box.step(0, pose(5)))(box)
         assert (trace.n_problems, len(caplog.records)) == (1, 1), name
-        assert "problems (1): box: " in caplog.text, name
-        assert any("1 not recorded" in note for note in read_trace(tmp_path / name).notes), name
-        assert not any(words in caplog.text for words in RAW_WORDS), name
+        if name in ("mesh", "unit_m"):
+            with pytest.raises(InputError, match="no mesh"):
+                problem_of(tmp_path / name)
+        elif name in BAD_PARTS:
+            problem = problem_of(tmp_path / name)
+            assert len(problem.instances[0].recorded) == 1
+            assert any("its first pose covers" in note for note in problem.notes) == (name == "mask")
+        else:
+            assert any("1 not recorded" in note for note in read_trace(tmp_path / name).notes), name
 
 
-@pytest.mark.parametrize("part", ["mesh", "mask", "unit_m", "truth"])
-def test_a_bad_part_of_an_object_leaves_the_rest(part: str, tmp_path: Path) -> None:
-    depth, mask = picture()
-    given = {"mesh": write_box(tmp_path / "box.obj"), "mask": mask, "unit_m": 0.001, "truth": pose()}
-    bad = {"mesh": tmp_path / "none.obj", "mask": mask[:50], "unit_m": -1, "truth": np.eye(3)}
-    with Trace(tmp_path / "t", K=K, depth_m=depth) as trace:
-        box = trace.object("box", **{**given, part: bad[part]})
-        box.hypothesis(0, pose())
-        box.step(0, pose(5))
-    assert trace.n_problems == 1
-    if part in ("mesh", "unit_m"):
-        with pytest.raises(InputError, match="box is left out: it has no mesh"):
-            problem_of(tmp_path / "t")
-        return
-    problem = problem_of(tmp_path / "t")
-    assert len(problem.instances[0].recorded) == 1
-    if part == "mask":
-        assert any("its first pose covers" in note for note in problem.notes)
-
-
-def test_a_mesh_that_is_none_and_a_skew_are_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_mesh_that_is_none_and_a_skew_are_counted(tmp_path: Path) -> None:
     skewed = K + np.array([[0, 5.0, 0], [0, 0, 0], [0, 0, 0]])
-    with caplog.at_level(logging.WARNING), Trace(tmp_path / "t", K=skewed, depth_m=picture()[0]) as trace:
+    with Trace(tmp_path / "t", K=skewed, depth_m=picture()[0]) as trace:
         trace.object("box", mesh=None)  # type: ignore[arg-type]
     assert trace.n_problems == 2
-    assert "K has a skew of 5 px, which is not used; mesh of box: it is of type NoneType" in caplog.text
 
 
 def test_calls_after_the_end_are_counted_and_the_first_is_reported(
@@ -193,42 +179,40 @@ def test_calls_after_the_end_are_counted_and_the_first_is_reported(
         trace.object("other", mesh="none.obj")
         trace.close()
     assert trace.n_problems > 100
-    (record,) = caplog.records
-    assert "the trace is closed; further calls are counted only" in record.getMessage()
+    assert len(caplog.records) == 1
     assert (tmp_path / "t" / "calls.jsonl").read_bytes() == before
 
 
-def test_a_file_where_the_folder_should_be_is_one_clear_line(tmp_path: Path) -> None:
-    (tmp_path / "t").write_text("")
-    with pytest.raises(OSError, match="is a file, expected a folder for the trace"):
-        Trace(tmp_path / "t", K=K, depth_m=picture()[0])
-
-
 UNUSABLE: tuple[tuple[dict[str, object], str], ...] = (
-    ({"K": None}, "K is missing"),
-    ({"depth_m": None}, "depth_m is missing"),
+    ({"K": None}, "K"),
+    ({"depth_m": None}, "depth_m"),
     ({"K": np.eye(4)}, "K has shape"),
-    ({"K": K.T}, "is it transposed"),
+    ({"K": K.T}, "transposed"),
+    ({"K": np.diag([0.75, 1.0, 1.0])}, "normalised K"),
+    ({"K": K * 2}, "expected rows fx s cx"),
     ({"depth_m": np.full(SHAPE, 800, np.uint16)}, "divide millimetres by 1000"),
+    ({"depth_m": (picture()[0] * 1000).astype(np.uint16)}, "uint16"),
+    ({"depth_m": np.ones(SHAPE, int)}, "int64"),
     ({"depth_m": np.zeros(SHAPE)}, "no measured pixel"),
-    ({"rgb": np.zeros((60, 80, 3), np.uint8)}, "expected uint8 of shape"),
+    ({"rgb": np.zeros((60, 80, 3), np.uint8)}, "uint8"),
     ({"gravity_cam": (0, 0, 0)}, "no direction"),
 )
 
 
-def test_a_frame_that_cannot_be_used_is_refused_at_once(tmp_path: Path) -> None:
+def test_a_frame_or_a_folder_that_cannot_be_used_is_refused_at_once(tmp_path: Path) -> None:
     for given, message in UNUSABLE:
         with pytest.raises(ValueError, match=message):
             Trace(tmp_path / "t", **{"K": K, "depth_m": picture()[0], **given})  # pyright: ignore[reportArgumentType]
         assert not (tmp_path / "t").exists()
-    (tmp_path / "\x1b[31m").write_text("a file")
-    strange = (
+    for name in ("t", "\x1b[31m"):
+        (tmp_path / name).write_text("a file")
+    for folder, message in (
         (None, "expected a path"),
         (b"t", "expected a path"),
-        (tmp_path / ("a" * 300), "cannot be made: File name too long"),
-        (tmp_path / "\x1b[31m", "is a file, expected a folder"),
-    )
-    for folder, message in strange:
+        (tmp_path / ("a" * 300), "File name too long"),
+        (tmp_path / "t", "is a file"),
+        (tmp_path / "\x1b[31m", "is a file"),
+    ):
         with pytest.raises((ValueError, OSError), match=message) as error:
             Trace(folder, K, picture()[0])  # pyright: ignore[reportArgumentType]
         assert str(error.value).isprintable(), folder
@@ -237,23 +221,25 @@ def test_a_frame_that_cannot_be_used_is_refused_at_once(tmp_path: Path) -> None:
 def test_a_second_trace_in_a_folder_gets_a_name_of_its_own(tmp_path: Path) -> None:
     mesh = write_box(tmp_path / "box.obj")
     first, second = write_trace(tmp_path / "runs" / "t", mesh), write_trace(tmp_path / "runs" / "t", mesh)
-    assert first.folder.name == "t"
-    assert second.folder.name == "t-2"
-    assert second.n_problems == 1
+    assert (first.folder.name, second.folder.name, second.n_problems) == ("t", "t-2", 1)
     assert [path.name for path in traces_in(tmp_path / "runs")] == ["t", "t-2"]
-    problem = problem_of(tmp_path / "runs", "0/2")
-    assert len(problem.instances[0].recorded) == 7
+    assert len(problem_of(tmp_path / "runs", "0/2").instances[0].recorded) == 7
 
 
-def test_half_a_line_and_a_damaged_one_are_left_out(tmp_path: Path) -> None:
+def test_lines_that_are_damaged_are_left_out_and_a_trace_without_a_head_is_refused(tmp_path: Path) -> None:
     write_trace(tmp_path / "t", write_box(tmp_path / "box.obj"))
     calls = tmp_path / "t" / "calls.jsonl"
     lines = calls.read_bytes().splitlines()
     calls.write_bytes(b"\n".join([*lines[:4], b"\xff{", *lines[4:7], lines[7][:30]]))
     frame = read_trace(tmp_path / "t")
     assert len(frame.objects[0].steps) == 3
-    assert any("2 lines of the trace damaged and left out (line 5: " in note for note in frame.notes)
+    assert any("2 lines " in note and "line 5: " in note for note in frame.notes)
     assert any("cut short" in note for note in frame.notes)
+    another = json.dumps({**json.loads(lines[0]), "trace": 99}).encode()
+    for content, message in ((b"\n".join([another, *lines[1:]]), "another version"), (b"", "not begun")):
+        calls.write_bytes(content)
+        with pytest.raises(InputError, match=message):
+            read_trace(tmp_path / "t")
 
 
 @pytest.mark.usefixtures("processes")
@@ -291,18 +277,6 @@ def test_a_copy_of_the_file_needs_numpy_alone_and_an_old_python() -> None:
     assert names == stdlib | typing | {"numpy", "urllib.parse.unquote"}
 
 
-def test_a_trace_without_images_or_of_another_version_says_so(tmp_path: Path) -> None:
-    write_trace(tmp_path / "t", write_box(tmp_path / "box.obj"))
-    calls = tmp_path / "t" / "calls.jsonl"
-    head, *rest = calls.read_text().splitlines()
-    calls.write_text("\n".join([json.dumps({**json.loads(head), "trace": 99}), *rest]))
-    with pytest.raises(InputError, match="another version"):
-        read_trace(tmp_path / "t")
-    calls.write_text("")
-    with pytest.raises(InputError, match="has not begun"):
-        read_trace(tmp_path / "t")
-
-
 def test_frames_have_the_number_of_their_name_where_it_is_clear() -> None:
     for names, numbers in (
         (("drop_17", "drop_3"), (17, 3)),
@@ -330,11 +304,10 @@ def test_a_trace_opens_without_solids_for_a_simulator(tmp_path: Path, monkeypatc
     assert made == ["box"]
 
 
-def test_what_a_trace_holds_in_silence_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    mesh = write_box(tmp_path / "box.obj")
+def test_what_a_trace_holds_in_silence_is_named(tmp_path: Path) -> None:
+    mesh, folder = write_box(tmp_path / "box.obj"), tmp_path / "traces"
     for name in ("whole", "damaged", "undeclared", "millimetres", "far"):
-        write_trace(tmp_path / "traces" / name, mesh)
-    folder = tmp_path / "traces"
+        write_trace(folder / name, mesh)
     (folder / "damaged" / "calls.jsonl").write_bytes(b"\0garbage" * 100)
     line = {"step": 0, "object": 7, "T": pose().ravel().tolist(), "name": "icp"}
     with (folder / "undeclared" / "calls.jsonl").open("a") as file:
@@ -347,28 +320,13 @@ def test_what_a_trace_holds_in_silence_is_named(tmp_path: Path, capsys: pytest.C
         calls.write_text(calls.read_text().replace("mesh_0/box.obj", name))
     for path in folder.rglob("*"):
         os.utime(path, (1e9, 1e9))
-    assert left_out_of(folder) == ("damaged (damaged)", f"long 280 ({'x' * 280} is missing)")
-    note = "1 line of the trace damaged and left out (line 2: Expected `str` of length <= 300 (at $.mesh))"
-    assert note in read_trace(folder / "long 5000").notes
-    known = data_at(folder, {})
-    assert known is not None
-    assert known.notes[0].startswith("traces left out: damaged (damaged), ")
-    note = "1 poses left out, of objects that were never declared (number 7)"
-    assert read_trace(folder / "undeclared").notes == (note,)
+    left_out = left_out_of(folder)
+    assert [one.partition(" (")[0] for one in left_out] == ["damaged", "long 280"]
+    assert "damaged (damaged)" in data_at(folder, {}).notes[0]
+    assert any("1 line " in note and "$.mesh" in note for note in read_trace(folder / "long 5000").notes)
+    (note,) = read_trace(folder / "undeclared").notes
+    assert "number 7" in note
     assert read_trace(folder / "whole").notes == ()
-    for name, said in (("millimetres", "it holds uint16, expected metres"), ("far", "a median depth of 800, expected")):
+    for name, said in (("millimetres", "uint16"), ("far", "800")):
         with pytest.raises(InputError, match=said):
             read_trace(folder / name)
-
-
-def test_a_normalised_camera_and_depth_in_whole_numbers_are_refused(tmp_path: Path) -> None:
-    depth, _ = picture()
-    for given, said in (
-        ({"K": np.diag([0.75, 1.0, 1.0])}, "multiply a normalised K by the image's width and height"),
-        ({"K": K * 2}, "expected rows fx s cx"),
-        ({"depth_m": (depth * 1000).astype(np.uint16)}, "depth_m is uint16, expected metres as floats"),
-        ({"depth_m": np.ones(SHAPE, int)}, "depth_m is int64, expected metres as floats"),
-    ):
-        with pytest.raises(ValueError, match=said):
-            Trace(tmp_path / "t", **{"K": K, "depth_m": depth, **given})  # pyright: ignore[reportArgumentType]
-    assert not (tmp_path / "t").exists()

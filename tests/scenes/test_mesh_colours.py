@@ -1,4 +1,4 @@
-"""Materials: the colours of a mesh are those that its files mean, or there are none and a note says why."""
+"""The colours of a mesh are those that its files mean, or there are none and a note says why."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ import trimesh
 from PIL import Image
 
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.scenes import materials
 from verefine_viz.scenes.bop_entries import model_file
 from verefine_viz.scenes.image_files import write_image
-from verefine_viz.scenes.meshes import Mesh, read_mesh
+from verefine_viz.scenes.meshes import read_mesh
 from verefine_viz.scenes.models import model_of_mesh
 from verefine_viz.trace import Trace
 
+SIZE_MM = np.array([100.0, 80.0, 60.0])
 QUARTERS = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 0]]], np.uint8)
 PLAIN = (255, 0, 128)
 MTL = "newmtl top\nKd 1 1 1\nmap_Kd {skin}\nnewmtl side\nKd 1 0 0.5019608\nnewmtl bottom\nmap_Kd {other}\n"
@@ -137,13 +139,11 @@ OFF: dict[str, tuple[Callable[[Path], Any], str]] = {
 
 @pytest.mark.parametrize("case", OFF)
 def test_colours_are_off_with_one_note_where_they_cannot_be_true(tmp_path: Path, case: str) -> None:
-    write, note = OFF[case]
+    write, said = OFF[case]
     write(tmp_path / "cube")
-    model, notes = model_at(tmp_path / "cube" / "cube.obj")
+    model, (note,) = model_at(tmp_path / "cube" / "cube.obj")
     assert not model.has_colors
-    assert len(notes) == 1
-    assert note in notes[0]
-    assert notes[0].endswith("the model is drawn in one colour")
+    assert said in note
 
 
 def test_a_trace_names_at_recording_time_what_its_mesh_lacks(tmp_path: Path, caplog: Any) -> None:
@@ -157,7 +157,6 @@ def test_a_trace_names_at_recording_time_what_its_mesh_lacks(tmp_path: Path, cap
 
 def test_a_kept_model_has_the_colours_of_several_materials(tmp_path: Path) -> None:
     mesh = read_mesh(write_obj(tmp_path / "cube"), 0.1)
-    assert isinstance(mesh, Mesh)
     write_image(tmp_path / "kept.png", mesh.texture.image)
     (tmp_path / "kept.ply").write_bytes(model_file(mesh, tmp_path / "kept.png"))
     assert_true_colours(model_of_mesh(read_mesh(tmp_path / "kept.ply", 1e-3), 1, "cube", 10, 0))
@@ -196,6 +195,12 @@ def linear(header: dict[str, Any]) -> None:
             material["pbrMetallicRoughness"]["baseColorFactor"] = [1, 0, 0.2158605, 1]
 
 
+def spaced(header: dict[str, Any]) -> None:
+    for one in [*header["buffers"], *header["images"]]:
+        if "uri" in one:
+            one["uri"] = f"parts%201/{one['uri']}"
+
+
 @pytest.mark.parametrize("kind", ["glb", "gltf"])
 def test_gltf_of_several_materials(tmp_path: Path, kind: str) -> None:
     path = write_gltf(tmp_path / "here" / "cube", kind)
@@ -207,9 +212,7 @@ def test_gltf_of_several_materials(tmp_path: Path, kind: str) -> None:
             moved(path.parent, f"parts 1/{name}", name)
     model, notes = model_at(path)
     assert notes == ()
-    turned = ObjectModel(1, "cube", model.vertices, model.faces, model.points, model.point_normals, 1.0,
-                         model.symmetries, model.vertex_colors, model.texture)  # fmt: skip
-    assert_true_colours(turned)
+    assert_true_colours(model)
     with Trace(tmp_path / "trace", np.eye(3), np.ones((4, 4))) as trace:
         trace.object("cube", path)
     assert trace.n_problems == 0
@@ -218,38 +221,27 @@ def test_gltf_of_several_materials(tmp_path: Path, kind: str) -> None:
     assert_true_colours(model_at(copy)[0])
 
 
-def spaced(header: dict[str, Any]) -> None:
-    for one in [*header["buffers"], *header["images"]]:
-        if "uri" in one:
-            one["uri"] = f"parts%201/{one['uri']}"
+def test_a_texture_in_a_glb_that_is_not_read_is_a_note(tmp_path: Path) -> None:
+    moved_texture = {"KHR_texture_transform": {"scale": [2, 2]}}
+    for k, (image, texture) in enumerate(
+        (
+            ({"mimeType": "image/ktx2"}, {}),
+            ({"bufferView": 0}, {}),
+            ({}, {"texCoord": 1}),
+            ({}, {"extensions": moved_texture}),
+        )
+    ):
+        path = write_gltf(tmp_path / str(k), "glb")
 
+        def change(header: dict[str, Any], image: dict = image, texture: dict = texture) -> None:
+            header["images"][0].update(image)
+            parts = [material["pbrMetallicRoughness"] for material in header["materials"]]
+            next(part["baseColorTexture"] for part in parts if "baseColorTexture" in part).update(texture)
 
-def of_first_texture(key: str, value: Any) -> Callable[[dict[str, Any]], None]:
-    def change(header: dict[str, Any]) -> None:
-        textured = next(m for m in header["materials"] if "baseColorTexture" in m["pbrMetallicRoughness"])
-        textured["pbrMetallicRoughness"]["baseColorTexture"][key] = value
-
-    return change
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda header: header["images"][0].update(mimeType="image/ktx2"),
-        lambda header: header["images"][0].update(bufferView=0),
-        of_first_texture("texCoord", 1),
-        of_first_texture("extensions", {"KHR_texture_transform": {"scale": [2, 2]}}),
-    ],
-)
-def test_a_texture_in_a_glb_that_is_not_read_is_a_note(
-    tmp_path: Path, change: Callable[[dict[str, Any]], None]
-) -> None:
-    path = write_gltf(tmp_path / "cube", "glb")
-    edit(path, change)
-    model, notes = model_at(path)
-    assert not model.has_colors
-    assert len(notes) == 1
-    assert "a texture of cube.glb" in notes[0]
+        edit(path, change)
+        model, (note,) = model_at(path)
+        assert not model.has_colors
+        assert "cube.glb" in note
 
 
 def test_colours_of_vertices_win_over_a_material_without_a_texture(tmp_path: Path) -> None:
@@ -270,3 +262,112 @@ def test_one_grey_is_no_colour_and_one_red_is(tmp_path: Path) -> None:
     assert {tuple(color) for color in mesh.vertex_colors} == {PLAIN}
     (tmp_path / "cube.mtl").write_text("newmtl side\nKd 0.8 0.8 0.8\n")
     assert read_mesh(path, 1.0).vertex_colors is None
+
+
+def write_ply(path: Path, vertices: Any, uv: Any, faces: Any, binary: bool = False) -> Path:
+    """A mesh [mm] with the texture skin.png and its coordinates at the vertices; v points up."""
+    rows, faces = np.column_stack([vertices, uv]).astype("<f4"), np.asarray(faces)
+    header = (
+        f"ply\nformat {'binary_little_endian' if binary else 'ascii'} 1.0\ncomment TextureFile skin.png\n"
+        f"element vertex {len(rows)}\n"
+        + "".join(f"property float {p}\n" for p in ("x", "y", "z", "texture_u", "texture_v"))
+        + f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    if binary:
+        packed = np.array([(3, face) for face in faces.tolist()], dtype=[("n", "u1"), ("i", "<i4", 3)])
+        path.write_bytes(header.encode() + rows.tobytes() + packed.tobytes())
+    else:
+        lines = [*(" ".join(map(str, row)) for row in rows.tolist()), *(f"3 {a} {b} {c}" for a, b, c in faces)]
+        path.write_text(header + "\n".join(lines) + "\n")
+    return path
+
+
+def textured_ply(folder: Path, binary: bool) -> Path:
+    """A square in four quarters of colour."""
+    Image.fromarray(QUARTERS.repeat(32, axis=0).repeat(32, axis=1)).save(folder / "skin.png")
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    vertices = np.column_stack([200.0 * corners - 100, np.zeros(4)])
+    return write_ply(folder / "square.ply", vertices, corners, [(0, 1, 2), (0, 2, 3)], binary)
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_textures_are_baked_to_the_vertices_or_a_note_says_why_not(tmp_path: Path, binary: bool) -> None:
+    path = textured_ply(tmp_path, binary)
+    mesh = read_mesh(path, 1e-3)
+    colors = {
+        tuple(np.sign(v[:2]).astype(int)): tuple(c) for v, c in zip(mesh.vertices_m, mesh.vertex_colors, strict=True)
+    }
+    assert colors == {(-1, -1): (0, 0, 255), (1, -1): (255, 255, 0), (1, 1): (0, 255, 0), (-1, 1): (255, 0, 0)}
+    for spoil in (lambda file: file.write_bytes(b"no image"), Path.unlink):
+        spoil(tmp_path / "skin.png")
+        mesh = read_mesh(path, 1e-3)
+        assert (mesh.vertex_colors, mesh.texture, len(mesh.faces)) == (None, None, 2)
+        assert "skin.png" in mesh.notes[0]
+
+
+def checked(folder: Path, uv_offset: float = 0.0, mode: str = "RGB", size: int = 64, is_turned: bool = False) -> Path:
+    """A box whose faces each show the whole of a four-coloured image."""
+    Image.fromarray(QUARTERS.repeat(size // 2, axis=0).repeat(size // 2, axis=1)).convert(mode).save(
+        folder / "skin.png"
+    )
+    mesh = trimesh.creation.box(SIZE_MM)
+    mesh.unmerge_vertices()
+    flat = mesh.vertices / SIZE_MM + 0.5
+    across = np.abs(mesh.face_normals).argmax(axis=1).repeat(3)
+    uv = np.stack([flat[np.arange(36), (across + 1) % 3], flat[np.arange(36), (across + 2) % 3]], axis=1) + uv_offset
+    return write_ply(folder / "box.ply", mesh.vertices, uv, mesh.faces[:, ::-1] if is_turned else mesh.faces)
+
+
+def surface_colors(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points on the box, from 0 to 1 along its sides, the axis their face is across, and their colours."""
+    model = model_of_mesh(read_mesh(path, 1e-3), 1, "box", 10, 0)
+    rng = np.random.default_rng(3)
+    faces, weights = rng.integers(0, len(model.faces), 400), rng.dirichlet([1, 1, 1], 400)
+    corners = model.vertices[model.faces[faces]]
+    points = np.einsum("ik,ikj->ij", weights, corners) / (SIZE_MM * 1e-3) + 0.5
+    return points, np.ptp(corners, axis=1).argmin(axis=1), model.colors(faces, weights)
+
+
+@pytest.mark.parametrize(("uv_offset", "is_turned"), [(0.0, False), (-2.0, False), (0.0, True)])
+def test_a_texture_colours_the_faces_between_the_vertices(tmp_path: Path, uv_offset: float, is_turned: bool) -> None:
+    """Also those of a mesh that is inside out, whose faces are turned."""
+    points, across, colors = surface_colors(checked(tmp_path, uv_offset, is_turned=is_turned))
+    u, v = points[np.arange(400), (across + 1) % 3], points[np.arange(400), (across + 2) % 3]
+    inner = (np.abs(u - 0.5) > 0.02) & (np.abs(v - 0.5) > 0.02)
+    assert inner.sum() > 300
+    expected = QUARTERS[(v < 0.5).astype(int), (u > 0.5).astype(int)]
+    np.testing.assert_allclose(colors[inner], expected[inner], atol=1e-6)
+
+
+def test_a_texture_of_any_kind_of_image_is_rgb_and_a_large_one_is_made_smaller(tmp_path: Path) -> None:
+    for mode in ("L", "RGBA", "P"):
+        texture = read_mesh(checked(tmp_path, mode=mode), 1e-3).texture
+        assert texture.image.shape == (64, 64, 3)
+        assert (np.ptp(texture.image, axis=2) == 0).all() == (mode == "L")
+    texture = read_mesh(checked(tmp_path, size=3000), 1e-3).texture
+    assert texture.image.shape == (materials.LARGEST_TEXTURE_PX, materials.LARGEST_TEXTURE_PX, 3)
+    points, _, colors = surface_colors(tmp_path / "box.ply")
+    assert len(np.unique(colors.round(), axis=0)) < len(points) / 10
+
+
+def test_a_ply_of_two_textures_is_of_one_colour_and_says_so(tmp_path: Path) -> None:
+    path = checked(tmp_path)
+    comment = "comment TextureFile skin.png\n"
+    path.write_text(path.read_text().replace(comment, comment + "comment TextureFile other.png\n"))
+    mesh = read_mesh(path, 1e-3)
+    assert mesh.texture is None
+    assert len(mesh.notes) == 1
+
+
+def test_coordinates_at_the_corners_of_faces_are_read(tmp_path: Path) -> None:
+    Image.fromarray(np.array([[[255, 0, 0], [0, 0, 255]]], np.uint8).repeat(8, axis=1)).save(tmp_path / "skin.png")
+    # Both triangles share two vertices, at which each shows its own half of the image.
+    (tmp_path / "two.ply").write_text(
+        "ply\nformat ascii 1.0\ncomment TextureFile skin.png\nelement vertex 4\nproperty float x\nproperty float y\n"
+        "property float z\nelement face 2\nproperty list uchar int vertex_indices\n"
+        "property list uchar float texcoord\nend_header\n0 0 0\n100 0 0\n100 100 0\n0 100 0\n"
+        "3 0 1 2 6 0.1 0.5 0.2 0.5 0.3 0.5\n3 0 2 3 6 0.7 0.5 0.8 0.5 0.9 0.5\n"
+    )
+    model = model_of_mesh(read_mesh(tmp_path / "two.ply", 1e-3), 1, "two", 10, 0)
+    middle = np.full((2, 3), 1 / 3)
+    np.testing.assert_allclose(model.colors(np.array([0, 1]), middle), [[255, 0, 0], [0, 0, 255]], atol=1e-6)

@@ -1,18 +1,50 @@
-"""Silhouettes of poses, and whose mask one belongs to."""
+"""Masks: run lengths against pycocotools, silhouettes of poses, and whose mask a silhouette belongs to."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from pycocotools import mask as coco
 
 from tests.fakes import BOX_M, box_model, box_problem
+from tests.scenes.bop_folder import run_lengths
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import transform
+from verefine_viz.scenes.detections import RunLengths, decode_rle
 from verefine_viz.scenes.segments import best_owner, overlap, silhouette
 
+masks = hnp.arrays(np.bool_, hnp.array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=40))
+
+
+@settings(max_examples=150, deadline=None)
+@given(masks)
+def test_both_encodings_are_inverted(mask: np.ndarray) -> None:
+    shape = (mask.shape[0], mask.shape[1])
+    as_list = RunLengths(shape, run_lengths(mask))
+    code: Any = coco.encode(np.asfortranarray(mask.astype(np.uint8)))
+    as_string = RunLengths(shape, code["counts"].decode("ascii"))
+    np.testing.assert_array_equal(decode_rle(as_list, shape), mask)
+    np.testing.assert_array_equal(decode_rle(as_string, shape), mask)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.text(st.characters(min_codepoint=32, max_codepoint=200), max_size=12))
+def test_any_other_string_is_refused_or_a_whole_mask(text: str) -> None:
+    try:
+        mask = decode_rle(RunLengths((4, 5), text), (4, 5))
+    except ValueError:
+        return
+    # What is not refused was whole: it says something about every pixel.
+    again: Any = coco.decode({"size": [4, 5], "counts": text.encode("ascii")})
+    np.testing.assert_array_equal(mask, again.astype(bool))
+
+
 CAMERA = Camera(np.array([[400.0, 0, 160], [0, 400, 120], [0, 0, 1]]), 320, 240)
+small = hnp.arrays(np.bool_, (6, 7))
 
 
 def test_a_box_seen_straight_on_is_its_front_rectangle() -> None:
@@ -28,9 +60,6 @@ def test_a_box_seen_straight_on_is_its_front_rectangle() -> None:
 def test_nothing_is_seen_behind_the_camera_or_far_outside() -> None:
     for t in ([0, 0, -0.8], [50.0, 0, 0.8], [0, 1e9, 0.8]):
         assert not silhouette(box_model(), transform(np.eye(3), t), CAMERA).any()
-
-
-small = hnp.arrays(np.bool_, (6, 7))
 
 
 @settings(max_examples=100, deadline=None)
