@@ -21,8 +21,7 @@ from distributed import LocalCluster
 
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import batch_here, started_batch
-from tests.batch.killed_batches import without_times
-from tests.batch.outputs import done, stop_in_the_middle
+from tests.batch.killed_batches import done, stop_in_the_middle, without_times
 from verefine_viz import cli
 from verefine_viz.batch import cluster
 from verefine_viz.batch.dask_worker import WorkerTools

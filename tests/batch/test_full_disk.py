@@ -15,8 +15,7 @@ from tests.batch import answering
 from tests.batch.at_once import Loop, failed, solved
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import ROOT, PoolHere, batch_here, command, started_batch
-from tests.batch.killed_batches import without_times
-from tests.batch.outputs import done, stop_in_the_middle
+from tests.batch.killed_batches import done, stop_in_the_middle, without_times
 from tests.full_disk import file_limit
 from verefine_viz import cli
 from verefine_viz.batch import run_batch as runner
