@@ -251,16 +251,6 @@ def test_no_changed_bit_and_no_cut_gives_other_answers(
     assert table_lines(again) == table_lines(record)
 
 
-def test_every_damaged_run_file_counts_and_the_first_are_quoted(loop: Loop) -> None:
-    frames = loop.frames(5)
-    loop.run()
-    for frame in frames:
-        Runs(loop.out / "runs").path(frame).write_bytes(b"no run")
-    loop.run()
-    (note,) = loop.told
-    assert "2 more" in note
-
-
 def test_a_damaged_run_json_stops_a_repeated_batch_and_a_missing_one_is_written_again(loop: Loop) -> None:
     loop.frames(3)
     loop.run()

@@ -101,35 +101,33 @@ SWEEP = (*THREE, "--methods", "pir", "rir", "--seeds", 2)
 
 
 @pytest.mark.usefixtures("processes")
-def test_a_run_of_a_sweep_has_the_bits_of_a_single_run_and_goes_on_where_it_was(session: Path, tmp_path: Path) -> None:
+def test_a_sweep_lists_what_failed_by_run_goes_on_and_ends_with_the_bits_of_single_runs(
+    session: Path, made: Made, tmp_path: Path
+) -> None:
     out, single = tmp_path / "out", ("--method.name", "rir", "--method.seed", 1, "--hypotheses.seed", 1)
-    done = batch_here(session, out, *SWEEP, "--workers", 2)
-    assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
+    with damaged(depth_file(made, 1)):
+        done = batch_here(session, out, *SWEEP, "--workers", 2)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert done.stdout.count("frame 7/1 failed: ") == 4
+    assert "4 frames failed" in done.stdout
     assert sorted(path.name for path in out.iterdir()) == ["pir-0", "pir-1", "rir-0", "rir-1"]
+    before = without_times(out / "pir-0")
+    (out / "pir-1/runs/000007_000002.vfrun").unlink()
+    done = batch_here(session, out, *SWEEP, "--workers", 1, "--retry-failed")
+    assert done.returncode == 0, done.stderr
+    assert [done.stdout.count(f"3 frames ({n} done before)") for n in (1, 2)] == [1, 3]
     table = [line.split()[:2] for line in done.stdout.splitlines()]
     assert ["pir", "2"] in table
     assert ["rir", "2"] in table
+    assert [row for row in without_times(out / "pir-0")[1] if row["im_id"] != "1"] == [
+        row for row in before[1] if row["im_id"] != "1"
+    ]
     assert batch_here(session, tmp_path / "rir", *THREE, *single, "--workers", 1).returncode == 0
     assert without_times(tmp_path / "rir") == without_times(out / "rir-1")
     assert without_times(out / "rir-0") != without_times(out / "rir-1")
-
-    before = {path: without_times(path) for path in sorted(out.iterdir())}
-    for lost in ("rir-0/runs/000007_000001.vfrun", "pir-1/runs/000007_000002.vfrun"):
-        (out / lost).unlink()
-    done = batch_here(session, out, *SWEEP, "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("3 frames (2 done before)") == 2
-    assert done.stdout.count("3 frames (3 done before)") == 2
-    assert {path: without_times(path) for path in before} == before
-
-
-@pytest.mark.usefixtures("processes")
-def test_frames_that_fail_are_listed_by_run(session: Path, made: Made, tmp_path: Path) -> None:
-    with damaged(depth_file(made, 1)):
-        done = batch_here(session, tmp_path / "out", *SWEEP, "--workers", 1)
-    assert done.returncode == 1
-    assert done.stdout.count("frame 7/1 failed: ") == 4
-    assert "4 frames failed" in done.stdout
+    again = batch_here(session, out, *SWEEP, "--workers", 1)
+    assert (again.returncode, again.stdout.count("; nothing was left to do")) == (0, 4)
 
 
 # The table after a sweep
