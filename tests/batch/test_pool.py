@@ -36,16 +36,20 @@ def ends(results: Iterable[RunRecord | str | None]) -> dict[str, RunEnd]:
 
 
 @pytest.mark.parametrize("n_workers", [1, 2])
-def test_a_worker_that_dies_takes_only_its_frame_with_it(n_workers: int, work: FrameWork) -> None:
-    frames = ["0/1", fragile.DIES_ONCE, fragile.EXITS, "0/2", fragile.DIES]
+def test_a_worker_that_dies_takes_only_its_frame_with_it_and_why_it_takes_long_is_said_once(
+    n_workers: int, work: FrameWork
+) -> None:
+    frames = [*fragile.TAKES_LONG, "0/1", fragile.DIES_ONCE, fragile.EXITS, "0/2", fragile.DIES]
     pool = Pool(work, n_workers)
-    found = ends(pool.solve(frames))
+    results = list(pool.solve(frames))
     pool.close()
+    found = ends(results)
     assert sorted(found) == sorted(frames)
     messages = {frame: end.answers[0].message for frame, end in found.items() if end.failed}
     assert messages.keys() == {fragile.DIES, fragile.EXITS}
     assert "killed by SIGKILL" in messages[fragile.DIES]
     assert "exit code 3" in messages[fragile.EXITS]
+    assert [result for result in results if isinstance(result, str)] == [fragile.WHY]
 
 
 def test_frames_are_asked_for_only_when_a_worker_is_free(work: FrameWork) -> None:
@@ -74,31 +78,17 @@ def test_a_worker_that_holds_too_much_is_replaced(work: FrameWork) -> None:
     assert pool.needs.startswith("1 × ")
 
 
-def test_memory_is_shared_by_the_workers_that_frames_need(work: FrameWork) -> None:
-    pool = Pool(work, 100_000)
-    pids = [end.seconds for k in (1, 2) for end in ends(pool.solve([f"0/{k}"])).values()]
-    pool.close()
-    assert len(set(pids)) == 1
-    assert pool.warning == ""
-
-
-def test_why_it_takes_long_is_said_once_and_every_frame_is_answered(work: FrameWork) -> None:
-    frames = [*fragile.TAKES_LONG, "0/1", "0/2"]
-    pool = Pool(work, 2)
-    results = list(pool.solve(frames))
-    pool.close()
-    assert [r for r in results if isinstance(r, str)] == [fragile.WHY]
-    assert sorted(ends(results)) == sorted(frames)
-
-
-def test_no_more_workers_than_frames_and_none_left_behind(work: FrameWork) -> None:
+def test_there_are_as_many_workers_as_frames_need_they_share_the_memory_and_none_is_left(work: FrameWork) -> None:
     me, on_ctrl_c = psutil.Process(), signal.getsignal(signal.SIGINT)
     before = {p.pid for p in me.children() if "spawn_main" in " ".join(p.cmdline())}
-    pool = Pool(work, 8)
-    next(pool.solve(["0/1", "0/2"]))
+    pool = Pool(work, 100_000)
+    pids = [end.seconds for k in (1, 2) for end in ends(pool.solve([f"0/{k}"])).values()]
+    assert len(set(pids)) == 1
+    next(pool.solve(["0/3", "0/4"]))
     workers = [p for p in me.children() if "spawn_main" in " ".join(p.cmdline()) and p.pid not in before]
     assert len(workers) == 2
     pool.close()
+    assert pool.warning == ""
     assert not any(p.is_running() for p in workers)
     assert signal.getsignal(signal.SIGINT) is on_ctrl_c
 
