@@ -13,8 +13,7 @@ import tempfile
 from functools import partial
 from pathlib import Path
 
-from tests.batch.killed_batches import killed_until_done, without_times
-from tests.batch.outputs import done
+from tests.batch.killed_batches import killed_until_done, n_done, without_times
 from tests.light_frames import write_light_frames
 
 
@@ -27,9 +26,8 @@ def main(n_kills: int) -> int:
     expected, k = without_times(root / "whole"), 0
     while total < n_kills:
         out = root / f"killed-{k}"
-        n_done = partial(_n_done, out)
         killed = killed_until_done(
-            [*batch, str(out)], n_done, n_kills - total, rng, lambda text: print(text, flush=True)
+            [*batch, str(out)], partial(n_done, out), n_kills - total, rng, lambda text: print(text, flush=True)
         )
         same = without_times(out) == expected
         print(f"{killed.kills} kills, after {killed.frames_at_kill} frames: {'same' if same else 'OTHER'} tables")
@@ -37,10 +35,6 @@ def main(n_kills: int) -> int:
             return 1
         total, k = total + killed.kills, k + 1
     return 0
-
-
-def _n_done(out: Path) -> int:
-    return len(done(out))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Batches that are killed at random moments and started again, and their tables without times.
+"""Batches that are stopped or killed and started again, and what they have written.
 
 SIGKILL hits the parent while it starts, between frames, while it writes. Workers must end by themselves.
 """
@@ -15,6 +15,7 @@ from pathlib import Path
 
 import psutil
 
+from verefine_viz.batch.runs import Runs
 from verefine_viz.run.answers import COLUMNS
 
 TIMES = {column.name for column in COLUMNS if column.kind == "time"}
@@ -30,6 +31,16 @@ class Killed:
     """How many frames were done when each kill came."""
 
 
+def done(out: Path) -> list[str]:
+    """The frames that are finished."""
+    runs = Runs(out / "runs")
+    return [record.header.frame for record in runs.records(runs.frames)]
+
+
+def n_done(out: Path) -> int:
+    return len(done(out))
+
+
 def without_times(out: Path) -> tuple[list[list[str]], list[dict[str, str]]]:
     """results.csv and frames.csv, the columns of times left out."""
     with (out / "results.csv").open(newline="") as file:
@@ -37,6 +48,25 @@ def without_times(out: Path) -> tuple[list[list[str]], list[dict[str, str]]]:
     with (out / "frames.csv").open(newline="") as file:
         frames = [{k: v for k, v in row.items() if k not in TIMES} for row in csv.DictReader(file)]
     return results, frames
+
+
+def stop_in_the_middle(child: subprocess.Popen[str], out: Path, n_frames: int) -> int:
+    """Stops the batch (SIGSTOP) as soon as a frame is done; how many are. Its workers still finish theirs."""
+    process, deadline = psutil.Process(child.pid), time.monotonic() + PATIENCE_S
+    while not done(out):
+        assert child.poll() is None, f"the batch ended by itself: {child.communicate()}"
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    process.suspend()
+    while process.status() != psutil.STATUS_STOPPED:
+        assert time.monotonic() < deadline
+    n = n_done(out)
+    assert n < n_frames
+    return n
+
+
+def workers_of(child: subprocess.Popen[str]) -> list[psutil.Process]:
+    return [p for p in psutil.Process(child.pid).children() if "spawn_main" in " ".join(p.cmdline())]
 
 
 def killed_until_done(

@@ -15,14 +15,12 @@ from threading import Thread
 from types import SimpleNamespace
 from typing import Any
 
-import psutil
 import pytest
 from distributed import LocalCluster
 
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import batch_here, started_batch
-from tests.batch.killed_batches import without_times
-from tests.batch.outputs import done, stop_in_the_middle
+from tests.batch.killed_batches import n_done, stop_in_the_middle, without_times, workers_of
 from verefine_viz import cli
 from verefine_viz.batch import cluster
 from verefine_viz.batch.dask_worker import WorkerTools
@@ -37,19 +35,11 @@ pytestmark = pytest.mark.usefixtures("processes")
 
 
 @contextmanager
-def somebodys(n_workers: int = 1) -> Iterator[LocalCluster]:
-    """A cluster that somebody else started."""
+def cluster_of_others(n_workers: int = 1) -> Iterator[LocalCluster]:
     one_thread = dict.fromkeys(ONE_THREAD, "1")
     with LocalCluster(
         n_workers=n_workers, threads_per_worker=2, host="127.0.0.1", dashboard_address="127.0.0.1:0", env=one_thread
     ) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def running(processes: None) -> Iterator[LocalCluster]:
-    """One that goes on over several batches."""
-    with somebodys() as made:
         yield made
 
 
@@ -61,9 +51,8 @@ def test_a_worker_that_is_killed_changes_nothing(session: Path, whole: Path, tmp
             taken.listen()
         with started_batch(session, out, "--workers", 1, "--cluster", "local") as child:
             stop_in_the_middle(child, out, N_FRAMES)
-            workers = [p for p in psutil.Process(child.pid).children() if "spawn_main" in " ".join(p.cmdline())]
-            assert len(workers) == 1
-            workers[0].kill()
+            (worker,) = workers_of(child)
+            worker.kill()
             os.kill(child.pid, signal.SIGCONT)
             said, errors = child.communicate(timeout=200)
     assert child.returncode == 0, errors
@@ -74,41 +63,34 @@ def test_a_worker_that_is_killed_changes_nothing(session: Path, whole: Path, tmp
     assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
 
 
-def test_a_running_cluster_gives_the_same_and_keeps_nothing_of_ours(
-    running: LocalCluster, session: Path, whole: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "out"
-    ended = batch_here(session, out, "--cluster", running.scheduler_address)
-    assert ended.returncode == 0, ended.stderr
-    assert without_times(out) == without_times(whole)
-    assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
-    # The cluster is somebody else's: it goes on, with nothing of ours left on it.
-    assert running.status.name == "running"
-    assert not [n for w in running.workers.values() for n in getattr(w, "plugins", {}) if n.startswith("verefine")]
-
-
-def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
+def test_a_cluster_gives_the_same_and_keeps_nothing_of_ours_and_may_be_lost(
     session: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster, "COUNT_S", 0.5)
-    loaded, out = load_session(session), tmp_path / "out"
-    with somebodys() as lost:
+    out, lost = tmp_path / "out", tmp_path / "lost"
+    with cluster_of_others() as running:
+        ended = batch_here(session, out, "--cluster", running.scheduler_address)
+        assert ended.returncode == 0, ended.stderr
+        assert without_times(out) == without_times(whole)
+        assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
+        # It goes on, with nothing of ours left on it.
+        assert running.status.name == "running"
+        plugins = [name for worker in running.workers.values() for name in getattr(worker, "plugins", {})]
+        assert not [name for name in plugins if name.startswith("verefine")]
 
         def tell(now: BatchStatus) -> None:
             if now.counts.frames_done == 1:
-                lost.close()
+                running.close()
 
-        backend = Backend(cluster=lost.scheduler_address)
-        with pytest.raises(UnavailableError) as caught:
-            run_here(loaded, out, backend, tell)
-    assert backend.cluster in str(caught.value)
-    n_done = len(done(out))
-    assert 1 <= n_done < N_FRAMES
-    outcome = run_here(loaded, out, Backend())
+        with pytest.raises(UnavailableError, match=running.scheduler_address):
+            run_here(load_session(session), lost, Backend(cluster=running.scheduler_address), tell)
+    n = n_done(lost)
+    assert 1 <= n < N_FRAMES
+    outcome = run_here(load_session(session), lost, Backend())
     # Workers that lose their scheduler may finish their frames.
-    assert n_done <= outcome.n_resumed <= N_FRAMES
+    assert n <= outcome.n_resumed <= N_FRAMES
     assert outcome.n_failed == 0
-    assert without_times(out)[0] == without_times(whole)[0]
+    assert without_times(lost)[0] == without_times(whole)[0]
 
 
 def test_a_cluster_without_workers_is_waited_for_and_said(
@@ -117,33 +99,18 @@ def test_a_cluster_without_workers_is_waited_for_and_said(
     monkeypatch.setattr(cluster, "COUNT_S", 0.2)
     monkeypatch.setattr(cluster, "START_LIMIT_S", 0.1)
     said: list[str] = []
-    with somebodys(n_workers=0) as empty:
+    with cluster_of_others(n_workers=0) as empty:
 
         def tell(now: BatchStatus) -> None:
             if now.warning and not said:
                 said.append(now.warning)
                 empty.scale(1)
 
-        backend = Backend(cluster=empty.scheduler_address)
-        outcome = run_here(load_session(session), tmp_path / "out", backend, tell)
-    assert len(said) == 1
-    assert backend.cluster in said[0]
+        outcome = run_here(load_session(session), tmp_path / "out", Backend(cluster=empty.scheduler_address), tell)
+    (warning,) = said
+    assert empty.scheduler_address in warning
     assert outcome.totals["frames_done"] == N_FRAMES
     assert without_times(tmp_path / "out")[0] == without_times(whole)[0]
-
-
-def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    assert cli.main(["batch", *map(str, words)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    return line
-
-
-def test_a_cluster_that_does_not_answer_is_one_line(
-    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for address in ("localhost:1", "no.host.invalid:8786"):
-        assert address in refused(capsys, session, "--out", tmp_path / "out", "--cluster", address)
-        assert not (tmp_path / "out").exists()
 
 
 class Greeter(socketserver.BaseRequestHandler):
@@ -154,22 +121,26 @@ class Greeter(socketserver.BaseRequestHandler):
         self.request.sendall(b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n" + bytes(100))
 
 
-def test_a_server_of_another_kind_at_the_address_is_one_line(
+def test_what_is_no_cluster_is_one_line_before_anything_runs(
     session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    def refused(*words: object) -> str:
+        assert cli.main(["batch", str(session), "--out", str(tmp_path / "out"), *map(str, words)]) == 2
+        assert not (tmp_path / "out").exists()
+        (line,) = capsys.readouterr().err.splitlines()
+        return line
+
+    for address in ("localhost:1", "no.host.invalid:8786"):
+        assert address in refused("--cluster", address)
     with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Greeter) as server:
         Thread(target=server.serve_forever, daemon=True).start()
-        line = refused(capsys, session, "--out", tmp_path / "out", "--cluster", f"127.0.0.1:{server.server_address[1]}")
+        port = server.server_address[1]
+        assert str(port) in refused("--cluster", f"127.0.0.1:{port}")
         server.shutdown()
-    assert str(server.server_address[1]) in line
-
-
-def test_only_workers_of_this_machine_are_counted_by_its_cores(
-    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    many = ("--out", tmp_path / "out", "--workers", 4 * (os.cpu_count() or 1) + 1)
-    assert "--workers" in refused(capsys, session, *many, "--cluster", "local")
-    assert "tcp://127.0.0.1:1" in refused(capsys, session, *many, "--cluster", "tcp://127.0.0.1:1")
+    # Only workers of this machine are counted by its cores.
+    many = ("--workers", 4 * (os.cpu_count() or 1) + 1)
+    assert "--workers" in refused(*many, "--cluster", "local")
+    assert "tcp://127.0.0.1:1" in refused(*many, "--cluster", "tcp://127.0.0.1:1")
 
 
 def test_without_dask_the_extra_is_named(session: Path, tmp_path: Path) -> None:
@@ -180,8 +151,8 @@ def test_without_dask_the_extra_is_named(session: Path, tmp_path: Path) -> None:
     words = ["batch", str(session), "--out", str(tmp_path / "out"), "--cluster", "local"]
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert "verefine-viz[cluster]" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    (line,) = done.stderr.splitlines()
+    assert "verefine-viz[cluster]" in line
 
 
 @pytest.mark.parametrize(

@@ -1,33 +1,41 @@
-"""Solving one frame: which recordings stay, and what failures look like."""
+"""Solving one frame: which recordings stay, what failures look like, what is noted of data and grasps."""
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from time import sleep
 from typing import Any
 
+import numpy as np
 import pytest
 from msgspec import structs
 from numba import njit
 
 from tests.batch.frames import depth_file, make_frames, write_session
+from tests.calibration.sizes import WithoutTruth, scene, written
 from tests.made_runs import write_first_format
 from tests.scenes.bop_folder import Made
 from verefine_viz.batch import solve_frame as causes
-from verefine_viz.batch.runs import Runs
+from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.solve_frame import FrameTask, end_again, explain_frame, solve_frame
+from verefine_viz.batch.totals import Totals
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.causes import Cause
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.settings import RecordingSettings
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session
 from verefine_viz.diagnosis.films import films_of
 from verefine_viz.evaluation.allowed_search import allowed_poses
+from verefine_viz.page.gallery import Gallery
 from verefine_viz.recording.entities import FILM, branch, moment
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.recording.verify import verify
 from verefine_viz.run.answers import STAGES, solving_s, table_lines
-from verefine_viz.run.record import RunEnd
+from verefine_viz.run.record import DATA_FIRST, RunEnd
 from verefine_viz.run.run_file import read_run_file, write_record
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.session_parts import weights_of
@@ -167,20 +175,6 @@ def test_a_record_names_the_weights_of_its_refiner_whatever_came_of_it(tmp_path:
     assert failed.header.versions.items() >= weights.items()
 
 
-def test_an_error_that_nobody_foresaw_leaves_its_traceback(
-    tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tools = toolbox(made)
-
-    def broken(*_: object) -> None:
-        raise ZeroDivisionError("division by zero")
-
-    monkeypatch.setattr(tools, "problem", broken)
-    (row,) = solved(tools).answers
-    assert "ZeroDivisionError" in row.message
-    assert "Traceback" in (tmp_path / "errors" / "000007_000000.txt").read_text()
-
-
 def test_causes_are_asked_for_where_the_answer_is_wrong(made: Made) -> None:
     assert {row.cause for row in solved(toolbox(made), explain_frame).answers} == {""}
     far = toolbox(made, off_mm=60.0)
@@ -194,6 +188,25 @@ def test_causes_are_asked_for_where_the_answer_is_wrong(made: Made) -> None:
         assert one.T_cam_obj.tobytes() == other.T_cam_obj.tobytes()
     assert asked.stages_ms["explain"] > 0
     assert set(asked.stages_ms) <= set(STAGES)
+
+
+def test_an_error_that_nobody_foresaw_leaves_its_traceback_and_in_a_diagnosis_costs_no_answer(
+    tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    tools, log = toolbox(made, off_mm=60.0), tmp_path / "errors" / "000007_000000.txt"
+    monkeypatch.setattr(causes, "diagnose", broken)
+    result = solved(tools, explain_frame)
+    assert not result.failed
+    assert all("errors/000007_000000.txt" in row.evidence for row in result.answers)
+    log.unlink()
+    shutil.rmtree(tmp_path / "runs")
+    monkeypatch.setattr(tools, "problem", broken)
+    (row,) = solved(tools).answers
+    assert "ZeroDivisionError" in row.message
+    assert "Traceback" in log.read_text()
 
 
 @pytest.mark.usefixtures("long_run")
@@ -211,27 +224,12 @@ def test_answers_causes_and_grasps_are_verified(tmp_path: Path, made: Made) -> N
     first, *others = record.end.answers
     assert first.grasp
     assert first.cause
-    for fields in (
-        {"add_s_mm": 1.0},
-        {"findings": ()},
-        {"doubts": ("so",)},
-        {"grasp": "success"},
-        {"best_hypothesis": None},
-    ):
-        end = structs.replace(record.end, answers=(structs.replace(first, **fields), *others))
+    others_than_made = {"add_s_mm": 1.0, "findings": (), "doubts": ("so",), "grasp": "success", "best_hypothesis": None}
+    for name, value in others_than_made.items():
+        end = structs.replace(record.end, answers=(structs.replace(first, **{name: value}), *others))
         write_record(path, structs.replace(record, end=end))
         found = verify(path, None, end_again).difference
-        assert (found or "").startswith(f"the answers: answers[0].{next(iter(fields))}: "), (fields, found)
-
-
-def test_a_diagnosis_that_breaks_costs_no_answer(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(run: object, toolbox: object) -> None:
-        raise ZeroDivisionError("division by zero")
-
-    monkeypatch.setattr(causes, "diagnose", broken)
-    result = solved(toolbox(made, off_mm=60.0), explain_frame)
-    assert not result.failed
-    assert all("errors/000007_000000.txt" in row.evidence for row in result.answers)
+        assert (found or "").startswith(f"the answers: answers[0].{name}: "), (name, found)
 
 
 def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> None:
@@ -274,3 +272,60 @@ def test_a_frame_is_finished_only_once_its_recording_is(
     assert end.failed
     assert Runs(tmp_path / "runs").path("7/0").exists()
     assert Runs(tmp_path / "runs").entry("7/0") is None
+
+
+# What is noted
+
+
+@pytest.mark.usefixtures("processes")
+@pytest.mark.parametrize("pose", [transform(np.eye(3), [0.0, 0.0, 0.4]), np.diag([1.0, 1.0, 2.0, 1.0])])
+def test_a_file_that_holds_no_grasps_of_an_object_is_noted_and_the_answer_stays(
+    tmp_path: Path, made: Made, pose: Float
+) -> None:
+    np.save(tmp_path / "obj_000005.npy", pose[None])
+    session = toolbox(made).session
+    grasp = structs.replace(session.grasp, answers=True, folder=str(tmp_path))
+    result = solved(Toolbox(structs.replace(session, grasp=grasp)))
+    assert {row.status for row in result.answers} == {"ok"}
+    assert {row.grasp for row in result.answers if row.obj_id == 5} == {""}
+    assert any(note.startswith("no grasp of ") for note in result.notes)
+    assert not any("\n" in note for note in result.notes)
+
+
+def clutter(folder: Path, method: MethodSettings, hypotheses: HypothesesSettings, **wrong: float) -> Session:
+    """A session on a built-in scene that was written with a wrong camera or depth."""
+    dataset = written(folder / "clutter", [scene()], **wrong)
+    settings = SceneSettings(source="bop", dataset=str(dataset))
+    return Session(scene=settings, hypotheses=hypotheses, method=method, recording=RecordingSettings(keep="none"))
+
+
+@pytest.mark.usefixtures("processes")
+@pytest.mark.parametrize(
+    ("focal", "translation_mm", "noted"), [(1.0, 60.0, False), (0.75, 60.0, True), (0.75, 0.0, False)]
+)
+def test_a_wrong_focal_length_is_noted_where_answers_are_wrong(
+    tmp_path: Path, focal: float, translation_mm: float, noted: bool
+) -> None:
+    unmoved = MethodSettings(name="refine", refiner="identity", iterations=1)
+    disturbed = HypothesesSettings(max_per_object=1, rotation_deg=0.0, translation_mm=translation_mm)
+    result = explain_frame(Toolbox(clutter(tmp_path, unmoved, disturbed, focal=focal)), "0/0", tmp_path).end
+    assert any(row.cause for row in result.answers) == (translation_mm > 0)
+    assert any("fx and fy of cam_K look too small" in doubt for doubt in result.doubts) == noted
+
+
+@pytest.mark.usefixtures("processes")
+@pytest.mark.parametrize(("depth", "in_doubt"), [(1.0, 0), (0.8, 1)])
+def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, depth: float, in_doubt: int) -> None:
+    disturbed = HypothesesSettings(max_per_object=2, rotation_deg=15, translation_mm=15)
+    session = clutter(tmp_path, MethodSettings(name="rir", iterations=2), disturbed, depth=depth)
+    result = explain_frame(WithoutTruth(session), "0/0", tmp_path).end
+    assert len(result.doubts) == in_doubt
+    assert all(row.evidence.startswith(DATA_FIRST) == bool(in_doubt) for row in result.answers)
+    totals = Totals()
+    # A batch that goes on later still knows.
+    (record,) = totals.passing(Runs(tmp_path / "runs").records(["0/0"]))
+    assert record.end.doubts == result.doubts
+    said = totals.as_json(1)["data_in_doubt"]
+    assert said.startswith(f"{DATA_FIRST} in frame 0/0, ") == bool(in_doubt)
+    index = BatchIndex(tmp_path, session, BatchInfo(), record.end.answers)
+    assert Gallery([index]).doubt.startswith(DATA_FIRST) == bool(in_doubt)

@@ -1,7 +1,8 @@
-"""What a batch counts: objects, recall, notes, doubts about data, and how often the score misleads."""
+"""What a batch counts, and shows while it works: recall, notes, doubts about data, how often the score misleads."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,8 +13,11 @@ from hypothesis import strategies as st
 
 from tests.made_runs import answer, finished
 from verefine_viz.batch.batch_command import brief
-from verefine_viz.batch.run_batch import BatchOutcome
+from verefine_viz.batch.progress import BatchProgress
+from verefine_viz.batch.run_batch import BatchOutcome, BatchStatus
 from verefine_viz.batch.totals import BatchCounts, Doubts, Notes, Totals, describe_doubts, misranked_share
+from verefine_viz.core import console
+from verefine_viz.core.console import Terminal
 from verefine_viz.core.geometry import rounding_note
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
@@ -44,28 +48,25 @@ def counted(results: Sequence[RunRecord] = RESULTS) -> BatchCounts:
     return counts
 
 
-def test_objects_without_an_answer_left_out_or_in_failed_frames_are_missed() -> None:
+def test_objects_without_an_answer_left_out_or_in_failed_frames_are_missed(tmp_path: Path) -> None:
     counts = counted()
     assert counts.recall == 2 / 4
     assert (counts.frames_done, counts.frames_failed, counts.objects_without_answer) == (5, 1, 1)
     objects = [LeftOut(k, 5, "mug", "its mask is missing", has_truth=True) for k in range(3)]
-    counts = counted([*RESULTS, failed("0/5", objects), solved(6, None, "left_out")])
+    results = [*RESULTS, failed("0/5", objects), solved(6, None, "left_out")]
+    counts = counted(results)
     assert (counts.objects, counts.objects_with_truth, counts.objects_correct) == (8, 8, 2)
     assert (counts.objects_in_failed_frames, counts.objects_left_out, counts.answers_with_truth) == (3, 1, 3)
     assert counts.recall == 2 / 8
-
-
-def test_totals_see_every_result_once_and_the_summary_adds_up(tmp_path: Path) -> None:
+    # Totals see every result once, and the summary adds up.
     totals = Totals()
-    objects = [LeftOut(k, 5, "mug", "", has_truth=True) for k in range(2)]
-    results = [*RESULTS, failed("0/5", objects), solved(6, None, "left_out")]
     assert list(totals.passing(results)) == results
     numbers = totals.as_json(9)
     assert (numbers["frames"], numbers["frames_done"], numbers["frames_failed"]) == (9, 7, 2)
     assert (numbers["median_add_s_mm"], numbers["mean_stages_ms_per_frame"]) == (5.0, {"read": 2.0})
     assert totals.failures == [("0/3", "no depth"), ("0/5", "no depth")]
     summary = brief(BatchOutcome(tmp_path, numbers, (), 0, 1.0, ""))
-    for part in ("9 frames", "7 objects", "1 left out", "2 in failed frames", "5.0 mm of 3 answers", "2 of 7 right"):
+    for part in ("9 frames", "8 objects", "1 left out", "3 in failed frames", "5.0 mm of 3 answers", "2 of 8 right"):
         assert part in summary
 
 
@@ -134,3 +135,29 @@ def test_misranked_is_the_share_of_pairs_and_a_draw_counts_half(right: list[floa
     pairs = [1.0 if w > r else 0.5 if w == r else 0.0 for w in wrong for r in right]
     assert misranked_share(rows(right, 1.0) + rows(wrong, 50.0)) == pytest.approx(sum(pairs) / len(pairs))
     assert misranked_share(rows(right, 1.0)) is misranked_share(rows(wrong, 50.0)) is misranked_share([]) is None
+
+
+def test_a_log_has_frames_of_all_runs_recall_failures_and_each_note_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "EVERY_S", -1.0)
+    text = io.StringIO()
+    progress = BatchProgress(200, Terminal(file=text))
+    for title in ("run 1", "run 2"):
+        with progress.run(title) as report:
+            report(BatchStatus(BatchCounts(), 100, doing="Compiling."))
+            report(BatchStatus(counted(), 100, "too little memory"))
+    first, doing, later, note, second, _, last = text.getvalue().splitlines()
+    assert (first, second) == ("run 1, 0/200", "run 2, 100/200")
+    assert (doing, note) == ("Compiling.", "note: too little memory")
+    assert later == "run 1, 5/200, recall 50%, 1 failed"
+    assert last.startswith("run 2, 105/200, ")
+    assert last.endswith(", recall 50%, 1 failed")
+
+
+@pytest.mark.parametrize(("counts", "numbers"), [(BatchCounts(), ()), (counted(), ("5 of 100", "50%", "1 failed"))])
+def test_ctrl_c_says_how_far_it_came(counts: BatchCounts, numbers: tuple[str, ...]) -> None:
+    text = io.StringIO()
+    with pytest.raises(KeyboardInterrupt), BatchProgress(console=Terminal(file=text)).run("run") as report:
+        report(BatchStatus(counts, 100))
+        raise KeyboardInterrupt
+    assert len(text.getvalue().splitlines()) == bool(numbers)
+    assert all(number in text.getvalue() for number in numbers)

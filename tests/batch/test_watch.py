@@ -7,8 +7,9 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,6 +85,14 @@ def at_work(watch: Watch) -> Iterator[Callable[[Callable[[], object]], None]]:
         watch.close()
 
 
+@contextmanager
+def looked(tmp_path: Path, base: Session | None = QUICK, overrides: dict[str, Any] | None = None) -> Iterator[Watch]:
+    """A watch that has looked once."""
+    with closing(Watch(tmp_path / "frames", tmp_path / "runs", base, overrides)) as watch:
+        watch.look()
+        yield watch
+
+
 # What is there
 
 
@@ -125,35 +134,24 @@ def test_a_folder_may_hold_several_each_with_a_run_of_its_own(tmp_path: Path, me
     keep(tmp_path / "frames" / "left", mesh)
     keep(tmp_path / "frames" / "right", mesh, 2)
     (tmp_path / "frames" / "notes").mkdir()
-    watch = watch_of(tmp_path)
-    watch.look()
-    assert [row[:2] for row in shown(watch)] == [("left", "1/1"), ("right", "1/1"), ("right", "1/2")]
-    assert [i.folder for i in watch.latest[0]] == [tmp_path / "runs" / "left", tmp_path / "runs" / "right"]
+    with looked(tmp_path) as watch:
+        assert [row[:2] for row in shown(watch)] == [("left", "1/1"), ("right", "1/1"), ("right", "1/2")]
+        assert [i.folder for i in watch.latest[0]] == [tmp_path / "runs" / "left", tmp_path / "runs" / "right"]
     assert data_folders(tmp_path / "frames" / "left") == (tmp_path / "frames" / "left",)
-    watch.close()
 
 
 def test_method_and_data_come_from_the_session_and_the_folder(tmp_path: Path, mesh: Path) -> None:
-    keep(tmp_path / "frames", mesh)
-    watch = Watch(tmp_path / "frames", tmp_path / "runs", QUICK, {"method": {"name": "sir"}})
-    watch.look()
-    session = index(watch).session
-    own = load_session(tmp_path / "frames" / "session.toml")
-    assert (session.scene, session.hypotheses, session.method) == (own.scene, own.hypotheses, QUICK.method)
-    watch.close()
-    watch = Watch(tmp_path / "frames", tmp_path / "others", None, {"method": {"name": "sir"}})
-    watch.look()
-    assert index(watch).session.method.name == "sir"
-    watch.close()
-
-
-def test_a_data_set_without_a_session_needs_none(tmp_path: Path, mesh: Path) -> None:
     kept(tmp_path / "frames", PROBLEM, [found(PROBLEM, mesh, with_truth=True)])
-    (tmp_path / "frames" / "session.toml").unlink()
-    watch = watch_of(tmp_path, None)
-    watch.look()
-    assert index(watch).session.hypotheses.source == "perturb"
-    watch.close()
+    file, sir = tmp_path / "frames" / "session.toml", {"method": {"name": "sir"}}
+    with looked(tmp_path, QUICK, sir) as watch:
+        session, own = index(watch).session, load_session(file)
+        assert (session.scene, session.hypotheses, session.method) == (own.scene, own.hypotheses, QUICK.method)
+    with looked(tmp_path, None, sir) as watch:
+        assert index(watch).session.method.name == "sir"
+    file.unlink()
+    shutil.rmtree(tmp_path / "runs")
+    with looked(tmp_path, None) as watch:
+        assert index(watch).session.hypotheses.source == "perturb"
 
 
 def test_what_cannot_be_watched_is_refused_in_one_line(tmp_path: Path) -> None:
@@ -164,10 +162,8 @@ def test_what_cannot_be_watched_is_refused_in_one_line(tmp_path: Path) -> None:
         watch_of(tmp_path)
     (tmp_path / "frames").unlink()
     (tmp_path / "frames").mkdir()
-    watch = watch_of(tmp_path)
-    with pytest.raises(UnavailableError, match="runs"):
+    with closing(watch_of(tmp_path)), pytest.raises(UnavailableError, match="runs"):
         watch_of(tmp_path)
-    watch.close()
     watch_of(tmp_path).close()
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
-from tests.batch.outputs import done
+from tests.batch.killed_batches import done
 from tests.fakes import box_problem
 from tests.run.kept_frames import box_mesh, found, kept
 from verefine_viz.batch.index import read_batch

@@ -96,7 +96,7 @@ def test_a_run_that_is_left_early_is_drawn_as_far_as_it_went(tmp_path: Path) -> 
 def test_unwritable_folder_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     s, problem = session(), box_problem()
-    with pytest.raises(InputError, match=r"^cannot write to .*/file: "):
+    with pytest.raises(InputError, match="/file: "):
         new_run(s, problem, (Recorder(tmp_path / "file" / "run.rrd", s, problem),))
 
 

@@ -53,7 +53,7 @@ def test_a_file_that_may_not_grow_is_one_line_however_often(tmp_path: Path) -> N
     with file_limit(20_000):
         file.log("/a", rr.Points3D(np.random.default_rng(0).random((5000, 3))))
         for _ in range(2):
-            with pytest.raises(InputError, match=r"^cannot write the recording .*a\.rrd: File too large$"):
+            with pytest.raises(InputError, match=r"a\.rrd: File too large$"):
                 file.flush()
         with pytest.raises(InputError, match=r"File too large$"):
             file.close()

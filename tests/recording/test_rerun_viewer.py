@@ -48,7 +48,7 @@ def test_a_damaged_recording_is_named_here_and_not_in_the_viewers_log(
     content = bytearray(path.read_bytes())
     content[len(content) // 3 : len(content) // 3 + 200] = b"\7" * 200
     path.write_bytes(content)
-    assert open_viewer(path, web=False).note == f"{path} is damaged; the viewer shows what can be read of it"
+    assert str(path) in open_viewer(path, web=False).note
     assert [env["RUST_LOG"] for env in started] == ["off", "off"]
 
 
@@ -64,9 +64,6 @@ def listening(process: subprocess.Popen[bytes]) -> list[str]:
         except subprocess.TimeoutExpired:
             continue
     return []
-
-
-#
 
 
 @pytest.mark.usefixtures("processes")

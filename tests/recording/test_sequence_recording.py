@@ -54,9 +54,8 @@ def test_poses_curves_and_events_are_on_the_timeline_of_frames(knows_camera: boo
 
 def test_it_is_no_recording_of_a_run(tmp_path: Path) -> None:
     write_sequence(tmp_path / SEQUENCE_FILE, "Boxes", tracks())
-    with pytest.raises(InputError, match="goes over the frames of a batch") as error:
+    with pytest.raises(InputError, match=SEQUENCE_FILE):
         read_recording(tmp_path / SEQUENCE_FILE)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.usefixtures("processes")

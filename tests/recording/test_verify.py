@@ -16,7 +16,7 @@ from tests.recording.runs import ending, new_run, recorded_run, run_file, sessio
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording.reader import read_recording
-from verefine_viz.recording.verify import Verification, run_again, verify
+from verefine_viz.recording.verify import run_again, verify
 from verefine_viz.run import run_header
 from verefine_viz.run.engine import Run
 from verefine_viz.run.record import RunRecord
@@ -75,8 +75,8 @@ def test_one_bit_of_a_pose_is_found_and_told_from_a_real_difference(tmp_path: Pa
     path = record_changed(tmp_path, 17, lambda i: moved(i, next_number))
     found = verify(path, again)
     told = re.match(
-        r"iteration 17: stages\[2\]\.T_cam_obj\[0, 3\]: (\S+) against (\S+), by (\S+); only last digits differ, in all "
-        r"30 iterations by (\S+) at most, and everything else is the same: in effect it is the same run; ",
+        r"iteration 17: stages\[2\]\.T_cam_obj\[0, 3\]: (\S+) against (\S+), by (\S+); .* all 30 iterations by (\S+) .*"
+        "same run; ",
         found.difference or "",
     )
     assert told
@@ -85,7 +85,6 @@ def test_one_bit_of_a_pose_is_found_and_told_from_a_real_difference(tmp_path: Pa
     assert by == pytest.approx(recorded - now, rel=0.05)
     assert 0 < most < 1e-15
     assert (found.n_compared, found.ends_early) == (16, False)
-    assert found.text.startswith("differs, recorded against now: iteration 17: ")
 
 
 @pytest.mark.parametrize(
@@ -149,18 +148,16 @@ def test_a_recording_longer_than_the_run_is_found(tmp_path: Path) -> None:
     found = verify(tmp_path / "run.rrd", lambda r: new_run(session(iterations=4), box_problem(3, 2))).difference
     assert found is not None
     assert found.startswith("iteration 13: ")
-    assert Verification(0, None, 0).text.startswith("there is nothing to compare")
 
 
 def test_last_digits_that_lead_to_another_run_are_not_called_the_same(tmp_path: Path) -> None:
     def change(iteration: Iteration) -> Iteration:
         return replace(moved(iteration, next_number), accepted="simulated")
 
-    path = record_changed(tmp_path, 5, change)
-    found = verify(path, again).difference
+    found = verify(record_changed(tmp_path, 5, change), again).difference
     assert found is not None
     assert found.startswith("iteration 5: stages[2].T_cam_obj[0, 3]: ")
-    assert "it begins with last digits and leads to more, iteration 5: accepted: 'simulated' against 'refined'" in found
+    assert "iteration 5: accepted: 'simulated' against 'refined'" in found
     assert "same run" not in found
 
 
@@ -170,17 +167,15 @@ def test_a_recording_whose_writer_was_killed_is_said_to_end_early(tmp_path: Path
     for _ in range(7):
         run.step()
     found = verify(tmp_path / "run.vfrun", again)
-    assert found.ends_early
-    assert "the run ended early (it was stopped or cut off); 7 iterations are in it, of 30" in found.text
-    assert "the same up to iteration 7" in found.text
+    assert (found.ends_early, found.difference, found.n_compared, found.n_planned) == (True, None, 7, 30)
+    assert "7 iterations are in it, of 30" in found.text
 
 
 def test_another_version_is_named_as_the_reason_of_rounding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_header, "versions", lambda weights: {"numpy": "0.0.1"})
-    path = record_changed(tmp_path, 3, lambda i: moved(i, next_number))
-    found = verify(path, again).difference
+    found = verify(record_changed(tmp_path, 3, lambda i: moved(i, next_number)), again).difference
     assert found is not None
-    assert "in effect it is the same run; recorded with numpy 0.0.1 (here " in found
+    assert "same run; recorded with numpy 0.0.1 (here " in found
 
 
 def test_objects_that_the_data_no_longer_have_are_named_with_the_reason(
@@ -191,6 +186,5 @@ def test_objects_that_the_data_no_longer_have_are_named_with_the_reason(
     kept, gone = problem.targets
     changed = replace(problem, instances=(kept.instance,), left_out=(gone.left_out("its mask is missing"),))
     monkeypatch.setattr(Toolbox, "problem", lambda self, frame: changed)
-    said = r"frame 0/1 of the data no longer has instance 1, which was there .* box: its mask is missing$"
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=r"frame 0/1 .* instance 1, .*: its mask is missing$"):
         run_again(read_recording(tmp_path / "run.rrd"))

@@ -56,17 +56,15 @@ def test_a_mesh_in_another_unit_is_noted(tmp_path: Path) -> None:
     session = {"scene": {"source": "bop", "dataset": str(made.root), "objects": [5]}}
     found = bop_recalls([read_batch(write_run(tmp_path / "run", [row(3, 1, scene_id=7, obj_id=5)], session, T_gt))])
     assert {ar for _, ar in found.by_place.values()} == {1.0}
-    assert (
-        "Object 5: obj_000005.ply is 0.1414 mm across, models_info.json says 141.4 mm: its unit was taken" in found.note
-    )
+    assert all(fact in found.note for fact in ("obj_000005.ply", "0.1414 mm", "141.4 mm"))
 
 
 def test_answers_whose_run_file_is_lost_are_not_scored_as_missing(tmp_path: Path) -> None:
     run = read_batch(write_run(tmp_path / "run", [row(0), row(1)]))
     file = run.folder / "runs" / "000001_000001.vfrun"
     file.write_bytes(file.read_bytes()[:-1] + b"x")
-    with pytest.raises(InputError, match="bytes in the middle are damaged"):
+    with pytest.raises(InputError, match=file.name):
         list(run_rows(run, ("1/0", "1/1")))
     file.unlink()
-    with pytest.raises(InputError, match="says nothing about frame 1/1; the same batch command solves it again"):
+    with pytest.raises(InputError, match="1/1"):
         list(run_rows(run, ("1/0", "1/1")))

@@ -6,8 +6,10 @@ import re
 from pathlib import Path
 
 from verefine_viz.core.console import PrintedTable
+from verefine_viz.core.presets import WITH_REFINER, preset_fields
 from verefine_viz.core.settings import Session
-from verefine_viz.run.session_file import load_session
+from verefine_viz.run.session_file import changed, load_session, resolve
+from verefine_viz.studies.budgets import BUDGETS, budget_of
 from verefine_viz.studies.paper_tables import PAPER, missing_rows, paper_table, tables
 from verefine_viz.studies.printed_table import latex, markdown
 from verefine_viz.studies.study_plan import Panel, StudyCurve
@@ -38,6 +40,25 @@ def test_every_refiner_has_the_papers_budget() -> None:
     assert _curve("TrICP", "PHYSIM-MCTS, 50").most_calls == 50
 
 
+def test_studies_and_preset_paper_have_one_budget_for_each_refiner() -> None:
+    assert {*BUDGETS} == {refiner for preset, refiner in WITH_REFINER if preset == "paper"}
+    for refiner, budget in BUDGETS.items():
+        preset = preset_fields("paper", refiner)
+        numbers = (preset["method"]["iterations"], preset["hypotheses"]["max_per_object"], preset["physics"]["steps"])
+        assert numbers == (budget.calls, budget.hypotheses, budget.steps), refiner
+        inner = preset["icp"].get("max_iterations", 1)
+        assert inner == budget.inner, refiner
+
+
+def test_rows_of_the_papers_refiners_score_by_depth_and_normals_alone() -> None:
+    recommended = resolve({"scene": {"demo": "mug"}})
+    assert recommended.score.colour_weight > 0
+    for refiner in BUDGETS:
+        curve = budget_of(refiner).curve("RIR", "rir")
+        assert curve.settings is not None
+        assert changed(recommended, curve.settings).score.colour_weight == 0
+
+
 def test_every_row_of_the_paper_has_a_row_of_its_own_budget() -> None:
     for table in PAPER:
         labels = [curve.label for curve in _panel(table.panel).curves]
@@ -53,32 +74,30 @@ def test_the_papers_numbers_are_those_of_its_text(shared_data: Path) -> None:
             assert any(line[:4] == numbers and f"{row.time:g}" in line for line in lines), (table.number, row.label)
 
 
-def test_built_in_scenes_make_none_of_the_papers_tables_and_each_reason_names_the_data_set() -> None:
-    found = missing_rows([load_session(None, {"scene": {"demo": "mug"}})], 1)
-    assert len(found) == len(PAPER)
-    for table, sentence in zip(PAPER, found, strict=True):
-        assert sentence.startswith(f"Table {table.number}, {table.data}, ")
-        assert f"needs the data set {table.dataset}, these are built-in scenes" in sentence
-
-
 def test_a_table_is_the_papers_with_its_data_set_and_initial_poses_only(tmp_path: Path) -> None:
     for dataset, source, panel, n_frames, number in (
         ("lm", "ppf", "ICP", 2219, "I"),
         ("lm", "densefusion", "DF-R", 2219, "I"),
         ("ycbv", "densefusion", "DF-R", 900, "III"),
         ("xapc", "pcs", "TrICP", 5, "II"),
+        ("lm", "perturb", "ICP", 2219, None),
+        ("ycbv", "ppf", "ICP", 2219, None),
+        ("lm", "pcs", "TrICP", 2219, None),
+        ("lm", "ppf", "ICP", 2, None),
     ):
         table = paper_table(panel, [_session(tmp_path, dataset, source)], n_frames)
-        assert table is not None
-        assert table.number == number
-    for dataset, source, panel in (("lm", "perturb", "ICP"), ("ycbv", "ppf", "ICP"), ("lm", "pcs", "TrICP")):
-        assert paper_table(panel, [_session(tmp_path, dataset, source)], 2219) is None, (dataset, source)
-    assert paper_table("ICP", [_session(tmp_path, "lm", "ppf")], 2) is None
-    sentences = missing_rows([_session(tmp_path, "lm", "ppf")], 2)
-    assert "Table I, LINEMOD, ICP: needs its 2219 frames, these are 2" in sentences
-    (sentence,) = (s for s in missing_rows([_session(tmp_path, "lm", "perturb")], 2219) if "LINEMOD, ICP" in s)
-    assert 'needs initial poses by point pair features (source = "ppf"), these are disturbed ground truth' in sentence
-    assert "needs the data set" not in sentence
+        assert (table and table.number) == number, (dataset, source)
+
+
+def test_why_a_table_is_not_the_papers_names_data_set_frames_or_initial_poses(tmp_path: Path) -> None:
+    built_in = missing_rows([load_session(None, {"scene": {"demo": "mug"}})], 1)
+    for table, sentence in zip(PAPER, built_in, strict=True):
+        assert sentence.startswith(f"Table {table.number}, {table.data}, ")
+        assert table.dataset in sentence
+    for source, n_frames, named in (("ppf", 2, "its 2219 frames"), ("perturb", 2219, 'source = "ppf"')):
+        sentences = missing_rows([_session(tmp_path, "lm", source)], n_frames)
+        (sentence,) = (s for s in sentences if s.startswith("Table I, LINEMOD, ICP: "))
+        assert named in sentence
 
 
 def _row(curve: str, n_refined: float) -> dict[str, str | float]:
@@ -105,12 +124,9 @@ def test_a_row_without_numbers_is_left_open_and_table_ii_has_mean_errors() -> No
     assert cells["VF_d, 50"][-1] == "see below"
 
 
-def test_a_session_s_own_refiner_is_a_panel_of_its_own() -> None:
+def test_a_sessions_own_refiner_is_a_panel_and_an_estimators_first_pose_a_row_of_its_own() -> None:
     assert [panel.name for panel in tables().panels] == ["DF-R", "ICP", "TrICP"]
     assert [panel.name for panel in tables(refiner="depth_net").panels][-1] == "depth_net"
-
-
-def test_an_estimators_first_pose_is_a_row_of_its_own() -> None:
     for own in (False, True):
         for panel in tables(own).panels:
             assert any(curve.label == "first initial pose" for curve in panel.curves) == own
