@@ -143,7 +143,7 @@ def test_words_that_cannot_be_read_are_named_and_end_the_program(capsys: pytest.
 
 @pytest.mark.usefixtures("processes")
 def test_a_terminal_without_utf8_and_a_reader_that_leaves_early_are_no_crash() -> None:
-    program = [sys.executable, "-m", "verefine_viz.cli", "view"]
+    program = [sys.executable, "-m", "verefine_viz", "view"]
     ascii_only = os.environ | {"PYTHONIOENCODING": "ascii"}
     words = [*program, "--recording.kep", "all"]
     done = subprocess.run(words, capture_output=True, cwd=ROOT, check=False, env=ascii_only)
