@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from tests.calibration.sizes import moved, with_models, with_truth
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import axis_angle, random_unit_vector, transform
@@ -18,13 +19,17 @@ from verefine_viz.observation.observed_frame import segment_cloud
 Variant = Callable[[Problem, np.random.Generator], Problem]
 OfDepth = Callable[[NDArray[np.float64], np.random.Generator], NDArray[np.floating]]
 OfMask = Callable[[Mask, np.random.Generator], Mask]
-Window = tuple[slice, slice]
 
 
 def seen_again(
-    p: Problem, depth_m: NDArray[np.floating], masks: list[Mask], camera: Camera, rgb: NDArray[np.uint8] | None
+    p: Problem,
+    depth_m: NDArray[np.floating],
+    masks: list[Mask],
+    camera: Camera | None = None,
+    rgb: NDArray[np.uint8] | None = None,
 ) -> Problem:
-    """The frame with other images; objects of whose mask too little is left are out."""
+    """The frame with other depth and masks; objects of whose mask too little is left are out."""
+    camera, rgb = (p.observation.camera, p.observation.rgb) if camera is None else (camera, rgb)
     depth_m = np.ascontiguousarray(depth_m, np.float32)
     instances = [
         replace(i, mask=mask, points_cam=segment_cloud(depth_m, camera, mask, 700, 0))
@@ -36,15 +41,20 @@ def seen_again(
     return replace(p, observation=seen, instances=tuple(instances))
 
 
+def sampled(p: Problem, K: Float, rows: slice, columns: slice) -> Problem:
+    """Images of some rows and columns, and the camera that sees them."""
+    seen = p.observation
+    rgb = None if seen.rgb is None else np.ascontiguousarray(seen.rgb[rows, columns])
+    depth_m = seen.depth_m[rows, columns]
+    camera = Camera(K, depth_m.shape[1], depth_m.shape[0])
+    masks = [np.ascontiguousarray(i.mask[rows, columns]) for i in p.instances]
+    return seen_again(p, depth_m, masks, camera, rgb)
+
+
 def of_depth(change: OfDepth) -> Variant:
-    """Another depth image."""
-
-    def variant(p: Problem, rng: np.random.Generator) -> Problem:
-        seen = p.observation
-        depth_m = change(seen.depth_m.astype(np.float64), rng)
-        return seen_again(p, depth_m, [i.mask for i in p.instances], seen.camera, seen.rgb)
-
-    return variant
+    return lambda p, rng: seen_again(
+        p, change(p.observation.depth_m.astype(np.float64), rng), [i.mask for i in p.instances]
+    )
 
 
 def missing(share: float) -> Variant:
@@ -63,7 +73,6 @@ def every(rows: int, columns: int) -> Variant:
 
 
 def steps(step_m: float) -> Variant:
-    """Depth in steps."""
     return of_depth(lambda d, rng: np.round(d / step_m) * step_m)
 
 
@@ -79,29 +88,18 @@ def edges_off(d: NDArray[np.float64], rng: np.random.Generator) -> Float:
     return np.where(edge, 0, d)
 
 
-def mixed(d: NDArray[np.float64], rng: np.random.Generator) -> Float:
-    """Pixels on edges lie between foreground and background."""
-    return np.where(d > 0, ndimage.uniform_filter(d, 5), 0)
-
-
 def of_masks(change: OfMask) -> Variant:
-    """Other masks."""
+    return lambda p, rng: seen_again(p, p.observation.depth_m, [change(i.mask, rng) for i in p.instances])
 
-    def variant(p: Problem, rng: np.random.Generator) -> Problem:
-        seen = p.observation
-        return seen_again(p, seen.depth_m, [change(i.mask, rng) for i in p.instances], seen.camera, seen.rgb)
 
-    return variant
+def outside_px(mask: Mask) -> Float:
+    """How far each pixel is outside of a mask; negative inside."""
+    return np.asarray(ndimage.distance_transform_edt(~mask)) - np.asarray(ndimage.distance_transform_edt(mask))
 
 
 def grown(px: float) -> OfMask:
     """A mask that is too wide, or too narrow."""
-
-    def change(mask: Mask, rng: np.random.Generator) -> Mask:
-        outside = np.asarray(ndimage.distance_transform_edt(~mask))
-        return outside - np.asarray(ndimage.distance_transform_edt(mask)) <= px
-
-    return change
+    return lambda mask, rng: outside_px(mask) <= px
 
 
 def boxed(mask: Mask, rng: np.random.Generator) -> Mask:
@@ -113,18 +111,12 @@ def boxed(mask: Mask, rng: np.random.Generator) -> Mask:
     return out
 
 
-def stray(mask: Mask, rng: np.random.Generator) -> Mask:
-    """A mask with a few pixels anywhere."""
-    return mask | (rng.random(mask.shape) < 2e-4)
-
-
 def rough_by(px: float) -> OfMask:
     """A mask whose border wanders by some pixels."""
 
     def change(mask: Mask, rng: np.random.Generator) -> Mask:
         waves = ndimage.gaussian_filter(rng.normal(size=mask.shape), 8)
-        outside = np.asarray(ndimage.distance_transform_edt(~mask)) - np.asarray(ndimage.distance_transform_edt(mask))
-        return outside <= px * waves / waves.std()
+        return outside_px(mask) <= px * waves / waves.std()
 
     return change
 
@@ -145,14 +137,9 @@ def cut_off(share: float) -> OfMask:
     return change
 
 
-def window(p: Problem, box: Window) -> Problem:
+def window(p: Problem, rows: slice, columns: slice) -> Problem:
     """A part of the images."""
-    rows, columns = box
-    seen, K = p.observation, p.observation.camera.K.copy()
-    K[:2, 2] -= (columns.start, rows.start)
-    camera = Camera(K, columns.stop - columns.start, rows.stop - rows.start)
-    rgb = None if seen.rgb is None else np.ascontiguousarray(seen.rgb[box])
-    return seen_again(p, seen.depth_m[box], [np.ascontiguousarray(i.mask[box]) for i in p.instances], camera, rgb)
+    return sampled(p, p.observation.camera.K - [[0, 0, columns.start], [0, 0, rows.start], [0, 0, 0]], rows, columns)
 
 
 def middle(share: float) -> Variant:
@@ -161,22 +148,15 @@ def middle(share: float) -> Variant:
     def variant(p: Problem, rng: np.random.Generator) -> Problem:
         h, w = p.observation.camera.shape
         dv, du = int(h * (1 - share) / 2), int(w * (1 - share) / 2)
-        return window(p, (slice(dv, h - dv), slice(du, w - du)))
+        return window(p, slice(dv, h - dv), slice(du, w - du))
 
     return variant
 
 
 def thinned(by: int) -> Variant:
     """Images of a smaller size."""
-
-    def variant(p: Problem, rng: np.random.Generator) -> Problem:
-        seen = p.observation
-        depth_m, K = seen.depth_m[::by, ::by], np.diag([1 / by, 1 / by, 1.0]) @ seen.camera.K
-        rgb = None if seen.rgb is None else np.ascontiguousarray(seen.rgb[::by, ::by])
-        masks = [np.ascontiguousarray(i.mask[::by, ::by]) for i in p.instances]
-        return seen_again(p, depth_m, masks, Camera(K, depth_m.shape[1], depth_m.shape[0]), rgb)
-
-    return variant
+    scale, every_nth = np.diag([1 / by, 1 / by, 1.0]), slice(None, None, by)
+    return lambda p, rng: sampled(p, scale @ p.observation.camera.K, every_nth, every_nth)
 
 
 def only(n: int) -> Variant:
@@ -193,35 +173,19 @@ def nearer(times: float) -> Variant:
     """The whole world of another size: a small object before a camera for close views, or a large one far away."""
 
     def variant(p: Problem, rng: np.random.Generator) -> Problem:
-        models = {
-            k: replace(m, vertices=m.vertices * times, points=m.points * times, diameter_m=m.diameter_m * times)
-            for k, m in p.models.items()
-        }
-
-        def posed(i: Instance) -> Instance:
-            T = i.T_cam_obj_gt
-            return i if T is None else replace(i, T_cam_obj_gt=transform(T[:3, :3], times * T[:3, 3]))
-
-        p = replace(p, models=models, instances=tuple(map(posed, p.instances)))
+        p = with_truth(with_models(p, times), moved(times))
         depth_m = np.round(p.observation.depth_m.astype(np.float64) * times, 3)
-        masks = [i.mask for i in p.instances]
-        return seen_again(p, depth_m, masks, p.observation.camera, p.observation.rgb)
+        return seen_again(p, depth_m, [i.mask for i in p.instances])
 
     return variant
 
 
 def upside_down(p: Problem, rng: np.random.Generator) -> Problem:
     """Images turned by 180°, with all that follows from it."""
-    seen, K = p.observation, p.observation.camera.K.copy()
-    h, w = seen.camera.shape
+    K, (h, w) = p.observation.camera.K.copy(), p.observation.camera.shape
     K[:2, 2] = (w - 1 - K[0, 2], h - 1 - K[1, 2])
-    turn = np.diag([-1.0, -1.0, 1.0, 1.0])
-    instances = tuple(
-        i if i.T_cam_obj_gt is None else replace(i, T_cam_obj_gt=turn @ i.T_cam_obj_gt) for i in p.instances
-    )
-    rgb = None if seen.rgb is None else np.ascontiguousarray(seen.rgb[::-1, ::-1])
-    masks = [np.ascontiguousarray(i.mask[::-1, ::-1]) for i in p.instances]
-    return seen_again(replace(p, instances=instances), seen.depth_m[::-1, ::-1], masks, Camera(K, w, h), rgb)
+    backwards = slice(None, None, -1)
+    return sampled(with_truth(p, lambda T: np.diag([-1.0, -1.0, 1.0, 1.0]) @ T), K, backwards, backwards)
 
 
 def estimated(p: Problem, poses: Callable[[Float], Float], others: Callable[[Float], Float] | None = None) -> Problem:
@@ -249,20 +213,11 @@ def off(rng: np.random.Generator, deg: float, mm: float, z_times: float = 1.0) -
 
 def posed(deg: float, mm: float, z_times: float = 1.0, all_of_them: bool = False) -> Variant:
     """A poor initial pose of one object, or of all."""
-
-    def variant(p: Problem, rng: np.random.Generator) -> Problem:
-        return estimated(p, off(rng, deg, mm, z_times), None if all_of_them else off(rng, 5, 5))
-
-    return variant
-
-
-def same(p: Problem, rng: np.random.Generator) -> Problem:
-    """The frame as it is."""
-    return p
+    return lambda p, rng: estimated(p, off(rng, deg, mm, z_times), None if all_of_them else off(rng, 5, 5))
 
 
 RIGHT: dict[str, Variant] = {
-    "as it is": same,
+    "as it is": lambda p, rng: p,
     **{f"depth missing, {share:.0%}": missing(share) for share in (0.3, 0.7, 0.85, 0.95)},
     "every 8th row": every(8, 1),
     "every 4th row and column": every(4, 4),
@@ -273,13 +228,13 @@ RIGHT: dict[str, Variant] = {
     "noise of 4 mm": of_depth(lambda d, rng: np.where(d > 0, d + 0.004 * rng.standard_normal(d.shape), 0)),
     "holes": of_depth(blobs),
     "no depth at edges": of_depth(edges_off),
-    "mixed pixels": of_depth(mixed),
+    "mixed pixels": of_depth(lambda d, rng: np.where(d > 0, ndimage.uniform_filter(d, 5), 0)),
     "nothing beyond 1 m": of_depth(lambda d, rng: np.where(d > 1.0, 0, d)),
     "1 % longer": of_depth(lambda d, rng: 1.01 * d),
     **{f"masks grown by {px:g} px": of_masks(grown(px)) for px in (-3, -1, 2, 4)},
     "masks are boxes": of_masks(boxed),
     "masks rough": of_masks(rough_by(4)),
-    "masks with stray pixels": of_masks(stray),
+    "masks with stray pixels": of_masks(lambda mask, rng: mask | (rng.random(mask.shape) < 2e-4)),
     "a fifth of each mask missing": of_masks(cut_off(0.2)),
     "half of each mask missing": of_masks(cut_off(0.5)),
     "middle of the image, 70 %": middle(0.7),
@@ -328,4 +283,4 @@ def close_views(of: list[Problem]) -> Iterator[tuple[float, Problem]]:
                 h, w = p.observation.camera.shape
                 rows = slice(max(0, int(v.min()) - dv), min(h, int(v.max()) + dv + 1))
                 columns = slice(max(0, int(u.min()) - du), min(w, int(u.max()) + du + 1))
-                yield margin, window(p.only([i.instance_id]), (rows, columns))
+                yield margin, window(p.only([i.instance_id]), rows, columns)

@@ -1,4 +1,4 @@
-"""What the tests of sizes compare: the objects of a frame, and what is said about them."""
+"""Frames, built-in and real, with other models, poses or cameras, and what is said of their sizes."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from verefine_viz.calibration import camera_check
 from verefine_viz.calibration.camera_check import CameraVerdict, outline_fits
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
+from verefine_viz.core.geometry import transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo import demo_problem
@@ -47,6 +48,40 @@ def real(ycbv: Path, frame: str, masks: str = "mask_visib") -> Problem:
     """A real frame."""
     settings = SceneSettings(source="bop", dataset=str(ycbv), frames=(frame,), masks=masks)
     return open_scene(settings, HypothesesSettings()).problem(frame)
+
+
+def with_instances(problem: Problem, change: Callable[[Instance], Instance]) -> Problem:
+    return replace(problem, instances=tuple(map(change, problem.instances)))
+
+
+def with_truth(problem: Problem, change: Callable[[Float], Float]) -> Problem:
+    """Other ground-truth poses."""
+    return with_instances(
+        problem, lambda i: i if i.T_cam_obj_gt is None else replace(i, T_cam_obj_gt=change(i.T_cam_obj_gt))
+    )
+
+
+def with_models(problem: Problem, factor: float) -> Problem:
+    """Models of another size."""
+    models = {
+        obj_id: replace(m, vertices=m.vertices * factor, points=m.points * factor, diameter_m=m.diameter_m * factor)
+        for obj_id, m in problem.models.items()
+    }
+    return replace(problem, models=models)
+
+
+def with_camera(problem: Problem, camera: Camera) -> Problem:
+    return replace(problem, observation=replace(problem.observation, camera=camera))
+
+
+def moved(factor: float) -> Callable[[Float], Float]:
+    """A pose whose translation is multiplied."""
+    return lambda T: transform(T[:3, :3], factor * T[:3, 3])
+
+
+def transposed(T: Float) -> Float:
+    """The pose with its rotation written column by column."""
+    return transform(T[:3, :3].T, T[:3, 3])
 
 
 def objects(problem: Problem) -> Objects:

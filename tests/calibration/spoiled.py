@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.calibration.right_variants import estimated, off
-from tests.calibration.sizes import scene, with_focal
+from tests.calibration.sizes import moved, scene, transposed, with_camera, with_focal, with_instances, with_models
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.data_remedies import TO_OPENGL
 from verefine_viz.core.geometry import axis_angle, inverse, transform
-from verefine_viz.core.problem import Instance, Problem
+from verefine_viz.core.problem import Problem
 
 CLUTTER = scene("clutter", "0/0")
 Z_UP = transform(axis_angle(np.array([1.0, 0.0, 0.0]), np.pi / 2), np.zeros(3))
@@ -41,30 +41,6 @@ def with_rgb(problem: Problem, rgb: NDArray[np.uint8] | None) -> Problem:
     return replace(problem, observation=replace(problem.observation, rgb=rgb))
 
 
-def with_instances(problem: Problem, change: Callable[[Instance], Instance]) -> Problem:
-    return replace(problem, instances=tuple(map(change, problem.instances)))
-
-
-def with_truth(problem: Problem, change: Callable[[Float], Float]) -> Problem:
-    """Other ground-truth poses."""
-    return with_instances(
-        problem, lambda i: i if i.T_cam_obj_gt is None else replace(i, T_cam_obj_gt=change(i.T_cam_obj_gt))
-    )
-
-
-def with_models(problem: Problem, factor: float) -> Problem:
-    """Models of another size."""
-    models = {
-        obj_id: replace(m, vertices=m.vertices * factor, points=m.points * factor, diameter_m=m.diameter_m * factor)
-        for obj_id, m in problem.models.items()
-    }
-    return replace(problem, models=models)
-
-
-def with_camera(problem: Problem, camera: Camera) -> Problem:
-    return replace(problem, observation=replace(problem.observation, camera=camera))
-
-
 def other_size(problem: Problem, factor: float = 0.5) -> Problem:
     """The camera of images of another size."""
     right = problem.observation.camera
@@ -73,15 +49,6 @@ def other_size(problem: Problem, factor: float = 0.5) -> Problem:
 
 def other_focal(problem: Problem, factor: float) -> Problem:
     return with_camera(problem, with_focal(problem.observation.camera, factor))
-
-
-def moved(factor: float) -> Callable[[Float], Float]:
-    """A pose whose translation is multiplied."""
-    return lambda T: transform(T[:3, :3], factor * T[:3, 3])
-
-
-def transposed(T: Float) -> Float:
-    return transform(T[:3, :3].T, T[:3, 3])
 
 
 def blind(change: Callable[[Float], Float] = lambda T: T, problem: Problem = CLUTTER) -> Problem:
@@ -108,6 +75,7 @@ SPOILED: dict[str, Callable[[], Problem]] = {
     "K of another size": lambda: other_size(blind()),
     "ground truth and depth × 10": lambda: with_depth(CLUTTER, 10.0),
     "ground truth and depth × 0.1": lambda: with_depth(CLUTTER, 0.1),
+    "ground truth and depth beside": lambda: with_depth_beside(CLUTTER, -21),
     "ground truth and models × 10": lambda: with_models(CLUTTER, 10.0),
     "ground truth and another K": lambda: other_focal(CLUTTER, 0.8),
     "ground truth and inverted masks": lambda: inverted_masks(CLUTTER),

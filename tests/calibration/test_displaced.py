@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.calibration.sizes import real
-from tests.calibration.spoiled import CLUTTER, displaced, with_depth_beside, with_instances, with_rgb
+from tests.calibration.sizes import real, with_instances
+from tests.calibration.spoiled import CLUTTER, displaced, with_depth_beside, with_rgb
 from verefine_viz.calibration.edges import edge_doubts
 from verefine_viz.calibration.registration import registration_doubts
 from verefine_viz.core.doubt import DoubtKind

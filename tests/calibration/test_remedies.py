@@ -9,19 +9,8 @@ import numpy as np
 import pytest
 
 from tests.calibration.right_variants import off, only
-from tests.calibration.sizes import real
-from tests.calibration.spoiled import (
-    CLUTTER,
-    IN_TRUTH,
-    SPOILED,
-    blind,
-    moved,
-    other_focal,
-    other_size,
-    with_depth,
-    with_instances,
-    with_truth,
-)
+from tests.calibration.sizes import moved, real, with_instances, with_truth
+from tests.calibration.spoiled import CLUTTER, IN_TRUTH, SPOILED, blind, other_focal, other_size, with_depth
 from tests.made_up_frames import Thing, frame_of, model, standing
 from verefine_viz.calibration.consistency import data_doubts
 from verefine_viz.calibration.corrected_data import corrected
@@ -65,13 +54,6 @@ def test_a_frame_with_the_remedy_of_its_doubt_is_right(name: str) -> None:
 def test_a_mistake_in_ground_truth_is_named_by_its_remedy(name: str) -> None:
     doubt, *_ = data_doubts(with_truth(CLUTTER, IN_TRUTH[name]))
     assert doubt.kind == (DoubtKind.POSE_SCALE if "×" in name else DoubtKind.CONVENTION)
-
-
-@pytest.mark.parametrize("factor", [1.25, 4.0, 39.37])
-def test_one_object_shows_a_factor_of_depth_as_a_whole_frame_does(factor: float) -> None:
-    (doubt,) = data_doubts(with_depth(only(1)(blind(), RNG(0)), factor))
-    assert doubt.remedy is not None
-    assert doubt.remedy.depth_times == pytest.approx(1 / factor, rel=0.03)
 
 
 def test_one_object_that_is_off_is_named_alone() -> None:
@@ -129,32 +111,39 @@ def test_what_nothing_single_explains_has_no_remedy_and_a_camera_goes_before() -
     assert DoubtKind.CAMERA in {doubt.kind for doubt in data_doubts(other_size(CLUTTER))}
 
 
-def test_of_real_frames_one_hidden_object_shows_depth_and_not_a_pose(shared_data: Path) -> None:
-    hidden = blind(problem=only(1)(real(shared_data / "ycbv", "50/1"), RNG(0)))
+def depth_doubt(problem: Problem, factor: float, rel: float = 0.03) -> DoubtKind:
+    """The kind of the one doubt of a frame whose depth is so many times as large; its remedy divides by it."""
+    (doubt,) = data_doubts(with_depth(problem, factor))
+    assert doubt.remedy is not None
+    assert doubt.remedy.depth_times == pytest.approx(1 / factor, rel=rel)
+    return doubt.kind
+
+
+def test_one_object_shows_a_factor_of_depth_as_a_whole_frame_does() -> None:
+    for factor in (1.25, 4.0, 39.37):
+        depth_doubt(only(1)(blind(), RNG(0)), factor)
+
+
+def test_of_a_real_frame_one_hidden_object_shows_depth_and_not_a_pose_and_all_show_the_camera(
+    shared_data: Path,
+) -> None:
+    frame = real(shared_data / "ycbv", "50/1")
+    hidden = blind(problem=only(1)(frame, RNG(0)))
     for factor in (0.8, 1.25, 39.37):
-        (doubt,) = data_doubts(with_depth(hidden, factor))
-        assert doubt.remedy is not None
-        assert doubt.remedy.depth_times == pytest.approx(1 / factor, rel=0.03)
+        depth_doubt(hidden, factor)
     farther = with_instances(
         hidden, lambda i: replace(i, hypotheses=(replace(h := i.hypotheses[0], T_cam_obj=moved(1.25)(h.T_cam_obj)),))
     )
     assert data_doubts(hidden) == data_doubts(farther) == ()
-
-
-def test_of_real_frames_a_camera_is_named_where_few_outlines_are_sure(shared_data: Path) -> None:
-    (doubt,) = data_doubts(other_focal(blind(problem=real(shared_data / "ycbv", "50/1")), 0.63))
+    (doubt,) = data_doubts(other_focal(blind(problem=frame), 0.63))
     assert doubt.remedy is not None
     assert doubt.remedy.camera_times[:2] == pytest.approx((1 / 0.63, 1 / 0.63), rel=0.03)
 
 
 @pytest.mark.parametrize("frame", ["0/1", "49/2365", "50/1"])
 def test_of_real_frames_units_are_named(shared_data: Path, frame: str) -> None:
-    problem = real(shared_data / "ycbv", frame)
     for factor in (10.0, 0.001):
-        (doubt,) = data_doubts(with_depth(problem, factor))
-        assert doubt.kind == DoubtKind.DEPTH_SCALE
-        assert doubt.remedy is not None
-        assert doubt.remedy.depth_times == pytest.approx(1 / factor, rel=0.1)
+        assert depth_doubt(real(shared_data / "ycbv", frame), factor, rel=0.1) == DoubtKind.DEPTH_SCALE
 
 
 def test_data_as_read_are_the_same_frame_and_poses_made_from_ground_truth_stay() -> None:

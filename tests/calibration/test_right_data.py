@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.calibration.right_variants import POOR, RIGHT, close_views, estimated, has_truth, off
-from tests.calibration.sizes import real, scene
-from tests.calibration.spoiled import CLUTTER, with_instances
+from tests.calibration.sizes import real, scene, with_instances
+from tests.calibration.spoiled import CLUTTER
 from verefine_viz.calibration.consistency import data_doubts
 from verefine_viz.calibration.depth_steps import coarse_depth
 from verefine_viz.core.doubt import DoubtKind

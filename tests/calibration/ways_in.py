@@ -12,11 +12,11 @@ import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
+from tests.calibration.sizes import transposed
 from verefine_viz.calibration.consistency import data_doubts
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.doubt import texts_of
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.library.frame_to_solve import Frame as ArrayFrame
@@ -106,6 +106,11 @@ def frame_of(problem: Problem, most: int = 3, first: str = "") -> Frame:
     return Frame(seen.camera.K, seen.depth_m.astype(np.float64), seen.rgb, tuple(objects))
 
 
+def first_problem(folder: Path) -> Problem:
+    found = open_scene(SceneSettings(source="folder", dataset=str(folder)), HypothesesSettings(source="recorded"))
+    return found.problem(found.frames[0])
+
+
 def of_folder(frame: Frame, root: Path) -> Problem:
     """As FoundationPose's demo has it: one object, its mesh in metres."""
     for name in ("depth", "masks", "mesh", "annotated_poses", "ob_in_cam"):
@@ -119,8 +124,7 @@ def of_folder(frame: Frame, root: Path) -> Problem:
     for name, pose in (("annotated_poses", one.truth), ("ob_in_cam", one.initial)):
         if pose is not None:
             np.savetxt(root / name / "1.txt", pose)
-    found = open_scene(SceneSettings(source="folder", dataset=str(root)), HypothesesSettings(source="recorded"))
-    return found.problem(found.frames[0])
+    return first_problem(root)
 
 
 def of_trace(frame: Frame, root: Path) -> Problem:
@@ -133,14 +137,10 @@ def of_trace(frame: Frame, root: Path) -> Problem:
             traced = trace.object(one.name, mesh=path, mask=one.mask, unit_m=0.001, truth=one.truth)
             if one.initial is not None:
                 traced.hypothesis(0, one.initial)
-    found = open_scene(
-        SceneSettings(source="folder", dataset=str(root / "trace")), HypothesesSettings(source="recorded")
-    )
-    return found.problem(found.frames[0])
+    return first_problem(root / "trace")
 
 
 def in_memory(frame: Frame, root: Path) -> ArrayFrame:
-    """The frame as the library takes it."""
     root.mkdir(parents=True)
     given = ArrayFrame(frame.K, frame.depth_m, frame.rgb)
     for one in frame.objects:
@@ -158,7 +158,6 @@ def of_kept_frame(frame: Frame, root: Path) -> Problem:
 
 
 def of_library(frame: Frame, root: Path) -> Problem:
-    """As the library takes it."""
     return in_memory(frame, root).problem()
 
 
@@ -218,22 +217,13 @@ def read(way: str, frame: Frame, root: Path) -> tuple[str, str]:
     """What is noted of a frame, and what is doubted of it, or why it is refused."""
     try:
         seen = WAYS[way](frame, root)
-    except InputError as error:
+    except (InputError, ValueError) as error:  # A trace raises what numpy would.
         return "", str(error)
     return "; ".join(seen.notes), "; ".join(texts_of(data_doubts(seen)))
 
 
-def doubted(way: str, frame: Frame, root: Path) -> str:
-    """What is doubted of a frame, or why it is refused."""
-    return read(way, frame, root)[1]
-
-
-def transposed(T: Float) -> Float:
-    """The pose with its rotation written column by column."""
-    return transform(T[:3, :3].T, T[:3, 3])
-
-
 def initially_transposed(frame: Frame) -> Frame:
+    """Rotations of initial poses are written column by column."""
     return frame.with_objects(lambda o: replace(o, initial=None if o.initial is None else transposed(o.initial)))
 
 

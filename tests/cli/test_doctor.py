@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,17 +19,14 @@ from verefine_viz.rendering.gl_context import gl_problem
 from verefine_viz.rendering.gl_verifier import GlVerifier
 
 
-@pytest.mark.parametrize(
-    "check", [checks.renderer_self_check, checks.score_self_check, checks.simulator_self_check, checks.packages]
-)
-def test_this_machine_computes_what_is_expected(check: Callable[[], Check]) -> None:
-    row = checks.run(check)
-    assert row.ok, row.result
-    assert row.needed
-
-
-def test_the_expected_fall_is_the_sum_of_the_substeps() -> None:
-    # Semi-implicit Euler: velocity first, then position.
+def test_this_machine_computes_what_is_expected() -> None:
+    for check in (
+        checks.renderer_self_check, checks.score_self_check, checks.simulator_self_check, checks.packages,
+    ):  # fmt: skip
+        row = checks.run(check)
+        assert row.ok, row.result
+        assert row.needed
+    # The fall is the sum of the substeps; semi-implicit Euler: velocity first, then position.
     velocity, fallen, dt = 0.0, 0.0, 1 / 240
     for _ in range(12):
         velocity += 9.81 * dt
@@ -68,16 +64,15 @@ def test_what_is_needed_and_fails_decides(monkeypatch: pytest.MonkeyPatch, capsy
     assert all(words in out for words in ("renderer", "mend it", "[red]off"))
 
 
-def test_a_check_that_raises_is_a_failed_row() -> None:
+def test_a_check_that_raises_is_a_failed_row_and_so_is_a_folder_that_cannot_be_written(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def gpu_lottery() -> Check:
         raise OSError("libGL.so.1: cannot open\nshared object file")
 
     row = checks.run(gpu_lottery)
     assert not row.ok
     assert (row.name, row.result) == ("gpu lottery", "OSError: libGL.so.1: cannot open shared object file")
-
-
-def test_a_folder_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Path, "cwd", lambda: Path("/proc"))
     row = checks.working_folder()
     assert not row.ok

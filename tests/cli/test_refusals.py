@@ -9,19 +9,22 @@ import json
 import os
 import socket
 import subprocess
-import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
 import rerun as rr
 
+from tests.batch import fragile
 from tests.batch.frames import PoolHere
-from tests.cli.bad_input import BadInput
+from tests.cli.command_line import CommandLine
 from tests.made_runs import answer, finished, written
 from tests.page.recorded import SESSION, record
-from tests.scenes.bop_folder import make
+from tests.scenes.bop_folder import Made, make
 from verefine_viz.batch import cluster as scheduler
+from verefine_viz.batch import worker_pool as pool
+from verefine_viz.batch.folder import RunFolder
+from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.results_csv import HEADER
 from verefine_viz.studies import run_study
 
@@ -30,8 +33,47 @@ ROOT = Path(__file__).resolve().parents[2]
 POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
 ROW = f"7,3,5,1,{POSE},-1"
 MOST_WORKERS = 4 * (os.cpu_count() or 1)
+
+
+class BadInput(CommandLine):
+    """Sessions on a made-up data set, and batches of them."""
+
+    def bop(self, scene: str = "", hypotheses: str = "") -> Path:
+        """A session on the made-up data set."""
+        text = f'[scene]\nsource = "bop"\ndataset = {json.dumps(str(self.made.root))}\n{scene}\n'
+        return self.file("session.toml", f"{text}[hypotheses]\n{hypotheses}\n")
+
+    def results(self, row: str) -> Path:
+        """A session whose initial poses are a results file of one row."""
+        self.file("r.csv", f"{row}\n")
+        return self.bop(hypotheses='source = "results"\nfiles = ["r.csv"]')
+
+    def evaluate(self, *words: object) -> tuple[object, ...]:
+        return ("evaluate", *words, "--dataset", self.made.root)
+
+    def batch_folder(self) -> Path:
+        """The folder of a batch that lacks its tables."""
+        folder = RunFolder(self.folder / "run", resolve({}))
+        folder.write_json("run.json", {"status": "finished"})
+        folder.close()
+        return self.folder / "run"
+
+
 Words = Callable[[BadInput], Iterable[object]]
-LAYOUT = ("--scene.source", "layout", "--scene.dataset")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    return make(tmp_path_factory.mktemp("data"))
+
+
+@pytest.fixture
+def bad_input(
+    tmp_path: Path, made: Made, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> BadInput:
+    # Bad input must be refused before the first frame is solved; a real worker would only cost time.
+    monkeypatch.setattr(pool, "work", fragile.work)
+    return BadInput(tmp_path, made, capsys)
 
 
 def damaged_camera(d: BadInput) -> Path:
@@ -49,11 +91,6 @@ def recording_of_another_program(d: BadInput) -> Path:
     return d.folder / "other.rrd"
 
 
-def pipe(d: BadInput) -> Path:
-    os.mkfifo(d.folder / "pipe.toml")
-    return d.folder / "pipe.toml"
-
-
 def frames_to_watch(d: BadInput) -> Path:
     """A folder of runs, below one of a batch."""
     written(d.folder / "batch", finished("1/0", [answer(1, 0)]))
@@ -68,23 +105,15 @@ def targets(d: BadInput, **change: int) -> Path:
 
 BATCH: dict[str, Words] = {
     "none.toml": lambda d: [d.folder / "none.toml"],
-    "pipe.toml is a pipe": lambda d: [pipe(d)],
     "holds no data": lambda d: [d.folder],
     "did you mean": lambda d: [d.batch_folder()],
-    "is not TOML": lambda d: [d.file("s.toml", '{"scene": {}}')],
-    "'scnee'": lambda d: [d.file("s.toml", "[scnee]\n")],
-    "'rirr'": lambda d: [d.file("s.toml", '[method]\nname = "rirr"\n')],
     r"'\x1b[2J\nrm'": lambda d: [d.file("s.toml", '[scene]\ndemo = "\\u001b[2J\\nrm"\n')],
-    "scene.dataset": lambda d: [d.file("s.toml", '[scene]\nsource = "bop"\n')],
     "scene.objects": lambda d: [d.bop(scene="objects = [99]")],
     "none.json": lambda d: [d.bop(scene='masks = "none.json"')],
     "none.csv": lambda d: [d.bop(hypotheses='source = "results"\nfiles = ["none.csv"]')],
     "r.csv has no row": lambda d: [d.results(f"7,3,77,0.9,{POSE},-1")],
     "r.csv: line 1": lambda d: [d.results(f"\n{ROW[:-3]}")],
     "scene_camera.json": lambda d: [damaged_camera(d)],
-    "score.alpha": lambda d: [d.bop(), "--score.alpha", "3"],
-    "scene.gravity.2": lambda d: [d.bop(), "--scene.gravity", "0", "0", "nan"],
-    "command line: scene.demo": lambda d: [d.bop(), "--scene.demo", "bowl"],
     "--workers": lambda d: [d.bop(), "--workers", MOST_WORKERS + 1],
     "--cluster foo": lambda d: [d.bop(), "--cluster", "foo"],
     "--cluster tcp://host:port": lambda d: [d.bop(), "--cluster", "tcp://host:port"],
@@ -132,6 +161,8 @@ OTHERS: dict[str, Words] = {
     "rubbish.rrd": lambda d: ["replay", d.file("rubbish.rrd", b"RRF2 and then rubbish"), "--verify"],
     "other.rrd": lambda d: ["replay", recording_of_another_program(d), "--verify"],
     "run/runs": lambda d: ["replay", d.batch_folder()],
+    "2 recordings": lambda d: ["replay", d.file("a.rrd"), d.file("b.rrd")],
+    ".gif": lambda d: ["film", ROOT / "sessions" / "mug.toml", "--out", d.folder / "run.jpg"],
     "thesis.tex is a file": lambda d: ["report", d.file("thesis.tex", "")],
     "nowhere does not exist": lambda d: ["report", d.batch_folder(), d.folder / "nowhere"],
     "--embed is -1": lambda d: ["report", d.folder, "--embed", "-1"],
@@ -206,15 +237,12 @@ def test_the_home_folder_that_a_shell_left_alone(bad_input: BadInput, monkeypatc
     assert str(bad_input.folder / "runs") in bad_input.refused("batch", "~/session.toml", "--out=~/runs")
 
 
-def test_the_port_is_taken(bad_input: BadInput) -> None:
+def test_the_port_is_taken_and_make_takes_another(bad_input: BadInput) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
         assert str(port) in bad_input.refused("view", "--port", port)
-
-
-def test_make_takes_the_port_that_is_advised() -> None:
     # Within another make, it tells of folders as well.
     command = ["make", "-n", "--no-print-directory", "app", "PORT=1234"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True)
@@ -232,7 +260,14 @@ def test_something_that_listens_and_says_nothing(bad_input: BadInput, monkeypatc
 
 
 GRASPED: dict[str, Words] = {
-    "notes.xml": lambda d: [*LAYOUT, d.made.root, "--scene.layout", d.file("notes.xml", "banana")],
+    "notes.xml": lambda d: [
+        "--scene.source",
+        "layout",
+        "--scene.dataset",
+        d.made.root,
+        "--scene.layout",
+        d.file("notes.xml", "banana"),
+    ],
     "none is no folder": lambda d: ["--scene.demo", "duck", "--grasp.folder", d.folder / "none"],
     "frame 0/0": lambda d: ["--scene.demo", "duck", "--grasp.opening-m", "0.02"],
 }
@@ -243,14 +278,3 @@ def test_what_cannot_be_grasped(bad_input: BadInput, named: str, monkeypatch: py
     monkeypatch.setattr(run_study, "Pool", PoolHere)
     words = [*GRASPED[named](bad_input), "--workers", "1", "--out", bad_input.folder / "out"]
     assert named in bad_input.refused("study", "grasping", *words, leaves=("out",))
-
-
-def test_the_real_program_says_one_line_and_exits_2(tmp_path: Path) -> None:
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    program = [sys.executable, "-m", "verefine_viz", "batch", "none.toml", "--out", "out"]
-    done = subprocess.run(program, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
-    assert (done.returncode, done.stdout) == (2, "")
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("verefine-viz: ")
-    assert "none.toml" in line
-    assert list(tmp_path.iterdir()) == []

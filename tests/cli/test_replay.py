@@ -1,16 +1,19 @@
-"""``replay``: one recording to look at, any number to compare with new runs."""
+"""``replay``, one recording to look at, any number to compare with new runs; ``film``, a run told in pictures."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from tests.batch.frames import PoolHere, batch_here, make_frames, write_session
 from tests.fakes import box_problem
 from tests.recording.runs import ending, new_run, recorded_run, session
 from verefine_viz import cli
 from verefine_viz.batch import draw_recordings, solve_frame
+from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.recording import verify
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recording_file import chunks_of
@@ -68,11 +71,6 @@ def test_several_are_compared_whatever_becomes_of_the_others(
         assert name in line
 
 
-def test_the_viewer_shows_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["replay", str(folder / "same.rrd"), str(folder / "other.rrd")]) == 2
-    assert "--verify" in capsys.readouterr().err
-
-
 @pytest.mark.usefixtures("processes")
 def test_recordings_that_a_batch_has_not_kept_are_drawn_from_its_run_files(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -103,3 +101,19 @@ def drawn_entities(path: Path) -> dict[str, int]:
     for chunk in chunks_of(path):
         rows[chunk.entity_path] = rows.get(chunk.entity_path, 0) + chunk.num_rows
     return rows
+
+
+@pytest.mark.usefixtures("processes")
+def test_a_strip_and_an_animation_of_the_same_moments(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session = Path(__file__).resolve().parents[2] / "sessions" / "failure_score_prefers_flip.toml"
+    png, gif = tmp_path / "run.png", tmp_path / "run.gif"
+    for out in (png, gif):
+        assert cli.main(["film", str(session), "--out", str(out)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    n = said.index(next(line for line in said if line.startswith(str(png)))) - 1  # Below the title a line for each.
+    assert 4 <= n <= 6
+    with Image.open(gif) as film:
+        assert getattr(film, "n_frames", 1) == n
+    with Image.open(png) as strip:
+        colors = {tuple(color) for color in np.asarray(strip.convert("RGB")).reshape(-1, 3).tolist()}
+    assert {CLASS_COLORS["explained"], STAGE_COLORS["best"], STAGE_COLORS["ground truth"]} <= colors

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import io
-from contextlib import redirect_stdout
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -33,42 +30,23 @@ def run(*words: object) -> int:
     return cli.main(["estimate", *(str(word) for word in words)])
 
 
-@dataclass(frozen=True)
-class Estimated:
-    """One frame, estimated with settings of physics; what only physics needs is not there."""
-
-    session: Path
-    out: Path
-    cache: Path
-    said: str
-
-
-@pytest.fixture(scope="module")
-def estimated(tmp_path_factory: pytest.TempPathFactory) -> Estimated:
-    folder = tmp_path_factory.mktemp("estimated")
-    session, out = write_session(folder, make_frames(folder / "data", 2)), folder / "new" / "ppf_boxes-test.csv"
+def test_the_file_holds_what_the_session_s_problem_holds_and_nothing_is_made_that_only_physics_needs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session, out = write_session(tmp_path, make_frames(tmp_path / "data", 2)), tmp_path / "new" / "ppf_boxes-test.csv"
     words = ("--physics.enabled", "True", "--dependency.order-file", "none.json", "--scene.frames", "7/1")
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as said:
-        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-        assert run(session, "--out", out, *BY_PPF, *words) == 0
-    return Estimated(session, out, folder / "cache", said.getvalue())
-
-
-def test_the_file_holds_what_the_session_s_problem_holds(estimated: Estimated) -> None:
-    assert "1 frames, 3 objects" in estimated.said
+    assert run(session, "--out", out, *BY_PPF, *words) == 0
+    assert "1 frames, 3 objects" in capsys.readouterr().out
+    assert [p.name for p in (tmp_path / "cache" / "verefine-viz").iterdir()] == ["ppf"]
     overrides = {"hypotheses": {"source": "ppf"}, "ppf": {"step": 0.08}, "physics": {"enabled": False}}
-    problem = Toolbox(load_session(estimated.session, overrides)).problem("7/1")
+    problem = Toolbox(load_session(session, overrides)).problem("7/1")
     wanted = [(i.obj_id, h) for i in problem.instances for h in i.hypotheses]
-    rows = read_results(estimated.out)
+    rows = read_results(out)
     assert len(rows) == len(wanted) == 6
     for row, (obj_id, h) in zip(rows, wanted, strict=True):
         assert (row.scene_id, row.im_id, row.obj_id, row.score) == (7, 1, obj_id, h.confidence)
         assert np.allclose(row.T_cam_obj, h.T_cam_obj, atol=1e-9)
-    assert list(estimated.out.parent.iterdir()) == [estimated.out]
-
-
-def test_nothing_is_made_that_only_physics_needs(estimated: Estimated) -> None:
-    assert [p.name for p in (estimated.cache / "verefine-viz").iterdir()] == ["ppf"]
+    assert list(out.parent.iterdir()) == [out]
 
 
 def test_a_frame_that_fails_is_named_and_the_others_are_written(

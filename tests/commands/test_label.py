@@ -20,14 +20,12 @@ from tests.scenes.test_layouts import write_sam6d
 from tests.scenes.test_trace import K, picture, write_box, write_trace
 from verefine_viz import cli
 from verefine_viz.core.settings import Session
-from verefine_viz.evaluation.results_scores import evaluate_files
 from verefine_viz.page import app as page_app
 from verefine_viz.run.label_session import label_session
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.labelled_source import LabelledSource
 from verefine_viz.scenes.labels import LABELS, write_labels
-from verefine_viz.scenes.results_csv import ResultRow, write_results
 from verefine_viz.trace import Trace
 
 
@@ -39,6 +37,11 @@ def meshes(tmp_path: Path) -> Path:
     trimesh.creation.box((0.1, 0.06, 0.04)).export(folder / "mug.ply")
     write_box(folder / "jug.obj", 100.0)
     return folder
+
+
+@pytest.fixture
+def line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> CommandLine:
+    return CommandLine(tmp_path, Made.__new__(Made), capsys)
 
 
 def opened(folder: Path, models: Path | None = None) -> LabelledSource:
@@ -133,34 +136,30 @@ def test_the_page_is_opened_on_the_frames(tmp_path: Path, meshes: Path, monkeypa
     assert (session.scene.frames, session.method.refiner) == (("3/0",), "icp")
 
 
-def test_accepted_labels_are_written_and_evaluate_reads_them(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_accepted_labels_are_written_once_or_elsewhere(tmp_path: Path, line: CommandLine) -> None:
     made = problems()
     folder, labels = bare_dataset(tmp_path / "boxes", made), labels_of(made)
     write_labels(folder / LABELS, labels)
     assert cli.main(["label", str(folder), "--write"]) == 0
-    assert "4 labels of 2 frames" in capsys.readouterr().out
-    rows = [ResultRow(3, made[0].im_id, one.obj_id, 0.9, one.pose, 0.1) for one in labels["3/0"]]
-    write_results(tmp_path / "mine_boxes-test.csv", rows)
-    (scores,) = evaluate_files([tmp_path / "mine_boxes-test.csv"], folder, "test").scores
-    assert scores.recalls is not None
-    assert scores.recalls.ar == pytest.approx(0.5, abs=0.02)
+    assert "4 labels of 2 frames" in line.capsys.readouterr().out
+    truth = (folder / "test" / "000003" / "scene_gt.json").read_bytes()
+    assert "overwrite" in line.refused("label", folder, "--write")
+    assert (folder / "test" / "000003" / "scene_gt.json").read_bytes() == truth
+    assert json.loads((folder / LABELS).read_text())["version"] == 1
     assert cli.main(["label", str(folder), "--write", "--to", str(tmp_path / "own")]) == 0
-    entries = BopDataset(tmp_path / "own", "test").ground_truth(3, 1)
-    assert entries is not None
-    for entry, one in zip(entries, labels["3/1"], strict=True):
-        assert entry.T_cam_obj is not None
-        np.testing.assert_allclose(entry.T_cam_obj, one.pose, atol=1e-9)
+    for root in (folder, tmp_path / "own"):
+        entries = BopDataset(root, "test").ground_truth(3, 1)
+        assert entries is not None
+        for entry, one in zip(entries, labels["3/1"], strict=True):
+            assert entry.T_cam_obj is not None
+            np.testing.assert_allclose(entry.T_cam_obj, one.pose, atol=1e-9)
 
 
-def test_what_cannot_be_labelled_or_written_is_one_line(
-    tmp_path: Path, meshes: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    line = CommandLine(tmp_path, Made.__new__(Made), capsys)
+def test_what_cannot_be_labelled_or_written_is_one_line(tmp_path: Path, meshes: Path, line: CommandLine) -> None:
     folder = bare_dataset(tmp_path / "boxes", problems(1))
     bare, nothing = without(sequence(tmp_path / "seq"), "mesh"), tmp_path / "nothing"
     nothing.mkdir()
+    write_labels(bare / LABELS, {"0/1": (label(0, 1, np.eye(4)),)})
     refused: tuple[tuple[object, tuple[Any, ...]], ...] = (
         (tmp_path / "missing", (tmp_path / "missing",)),
         (nothing, (nothing,)),
@@ -170,17 +169,9 @@ def test_what_cannot_be_labelled_or_written_is_one_line(
         ("label", (folder, "--write")),
         ("--models FOLDER", (bare,)),
         ("--models FOLDER", (without(scene_of(tmp_path / "own"), "../../models"),)),
+        ("--to FOLDER", (bare, "--models", meshes, "--write")),
     )
-    before = {*folder.rglob("*")}
+    before = {*tmp_path.rglob("*")}
     for named, words in refused:
-        assert str(named) in line.refused("label", *words, "--port", "0", "--no-open-browser")
-    assert {*folder.rglob("*")} <= {*before, folder / ".labels.lock"}
-    write_labels(bare / LABELS, {"0/1": (label(0, 1, np.eye(4)),)})
-    assert "--to FOLDER" in line.refused("label", bare, "--models", meshes, "--write")
-    write_labels(folder / LABELS, labels_of(problems(1)))
-    assert cli.main(["label", str(folder), "--write"]) == 0
-    capsys.readouterr()
-    truth = (folder / "test" / "000003" / "scene_gt.json").read_bytes()
-    assert "overwrite" in line.refused("label", folder, "--write")
-    assert (folder / "test" / "000003" / "scene_gt.json").read_bytes() == truth
-    assert json.loads((folder / LABELS).read_text())["version"] == 1
+        assert str(named) in line.refused("label", *words, "--port", "0", "--no-open-browser", leaves=("boxes", "seq"))
+    assert {path.name for path in {*tmp_path.rglob("*")} - before} <= {".labels.lock"}
