@@ -10,7 +10,7 @@ import pytest
 from tests.browser.conftest import Pages, Screen
 from tests.calibration.sizes import scene
 from tests.calibration.spoiled import with_depth
-from tests.scenes.write_bop import written_without_truth
+from tests.scenes.without_truth import written_without_truth
 from verefine_viz.page.app import App
 
 CLUTTER = scene("clutter", "0/0")

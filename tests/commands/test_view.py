@@ -16,7 +16,7 @@ from typing import Any
 import psutil
 import pytest
 
-from tests.batch.outputs import done
+from tests.batch.killed_batches import done
 from tests.fakes import box_problem
 from tests.made_runs import answer, finished
 from tests.run.kept_frames import box_mesh, found, kept

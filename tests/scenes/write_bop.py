@@ -1,28 +1,23 @@
 """Problems written out as a BOP folder: models, images, masks, cameras, ground truth and targets.
 
-Reading it back gives the same problems, up to the depth's quantisation. ``written_without_truth`` writes a frame as
-most people have it: without ground truth, with detections and an estimator's poses.
+Reading it back gives the same problems, up to the depth's quantisation.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tests.calibration.right_variants import off
-from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.arrays import Mask
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance, Problem
-from verefine_viz.core.settings import HypothesesSettings, MethodSettings, PhysicsSettings, SceneSettings, Session
 from verefine_viz.core.writing import write_json
-from verefine_viz.scenes.detections import encode_rle
 from verefine_viz.scenes.image_files import write_image
 from verefine_viz.scenes.meshes import size_entry
-from verefine_viz.scenes.results_csv import ResultRow, write_results
 from verefine_viz.scenes.segments import silhouette
 from verefine_viz.trace import ply_bytes
 
@@ -55,41 +50,6 @@ def write_bop(folder: Path, problems: Sequence[Problem], split: str = "test", de
         write_json(scene / "scene_gt_info.json", infos)
     write_json(folder / f"{split.split('_')[0]}_targets_bop19.json", _targets(problems))
     return folder
-
-
-def written_without_truth(
-    folder: Path, problem: Problem, depth_scale_mm: float = 0.1, change: Callable[[Float], Float] = lambda T: T
-) -> Session:
-    """Writes a frame (ground truth of every instance known) and returns a session that opens it.
-
-    Args:
-        folder: the data set to make.
-        problem: the frame; what is wrong with its depth, camera or models is written as it is.
-        depth_scale_mm: of the 16-bit depth images [mm].
-        change: what the estimator makes of a pose that is off by 3° and 3 mm.
-    """
-    write_bop(folder, [problem], depth_scale_mm=depth_scale_mm)
-    for name in ("scene_gt.json", "scene_gt_info.json"):
-        (folder / "test" / f"{problem.scene_id:06d}" / name).unlink()
-    ids = {"scene_id": problem.scene_id, "image_id": problem.im_id}
-    masks = [
-        {**ids, "category_id": i.obj_id, "score": 0.9 - 0.01 * k, "bbox": [0, 0, 1, 1], "time": 0.1,
-         "segmentation": encode_rle(i.mask)}
-        for k, i in enumerate(problem.instances)
-    ]  # fmt: skip
-    write_json(folder / "detections.json", masks)
-    disturb = off(np.random.default_rng(0), 3, 3)
-    rows = [
-        ResultRow(problem.scene_id, problem.im_id, i.obj_id, 0.9, change(disturb(np.array(i.T_cam_obj_gt))), 0.1)
-        for i in problem.instances
-    ]
-    write_results(folder / "net_made-test.csv", rows)
-    return Session(
-        scene=SceneSettings(source="bop", dataset=str(folder), masks=str(folder / "detections.json")),
-        hypotheses=HypothesesSettings(source="results", files=(str(folder / "net_made-test.csv"),)),
-        method=MethodSettings(name="rir", refiner="icp", iterations=2),
-        physics=PhysicsSettings(collider="hull", steps=3),
-    )
 
 
 def _write_models(folder: Path, models: dict[int, ObjectModel]) -> None:
