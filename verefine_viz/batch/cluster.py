@@ -45,11 +45,11 @@ AHEAD = 2
 """Frames per worker that are handed to the scheduler, so that none waits for the next one."""
 
 
-def must_answer(address: str) -> None:
+def _must_answer(address: str) -> None:
     """Returns when a Dask scheduler answers; without this check its client could wait for ever.
 
     Raises:
-        Exception: nothing does in time, or something else does, which may send anything; see :func:`connection_fault`.
+        Exception: nothing does in time, or something else does, which may send anything; see :func:`_connection_fault`.
     """
     if parse_address(address)[0] in OVER_TCP:  # Dask would retry until its time is up.
         create_connection(get_address_host_port(address), CONNECT_S).close()
@@ -62,7 +62,7 @@ async def _answers(address: str) -> None:
     comm.abort()
 
 
-def connection_fault(error: Exception) -> str:
+def _connection_fault(error: Exception) -> str:
     """Why nothing at an address answered, in words."""
     message = " ".join(str(error).split())
     match error:
@@ -97,13 +97,13 @@ def open_cluster(address: str, session: Session, out: Path, task: TaskName, n_wo
     own = _local(n_workers) if address == "local" else None
     try:
         if own is None:
-            must_answer(address)
+            _must_answer(address)
         client = Client(own or address, timeout=CONNECT_S)
     except Exception as error:  # Another program that listens there may answer anything.
         if own is not None:
             own.close()
         raise UnavailableError(
-            f"no Dask scheduler answers at {address} ({connection_fault(error)}); start one with: dask scheduler, "
+            f"no Dask scheduler answers at {address} ({_connection_fault(error)}); start one with: dask scheduler, "
             "which prints its address, tcp://HOST:8786; or say --cluster local"
         ) from None
     return ClusterWorkers(client, own, address, session, out, task)

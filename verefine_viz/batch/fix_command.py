@@ -134,18 +134,18 @@ def write_sessions(
     Raises:
         VerefineError: they were not tried, or a file cannot be written.
     """
-    trial = trial_of(chosen, trials)
+    trial = _trial_of(chosen, trials)
     mended = {name: remedied(index.session, trial.remedies) for name, index in runs.items()}
     written = list[Path]()
     for name, session in mended.items():
         if session is not None:
             file = path if len(runs) == 1 else path.with_name(f"{path.stem}-{name}{path.suffix or '.toml'}")
-            save_session(session, file, changes_line(runs[name].session, trial.remedies))
+            save_session(session, file, _changes_line(runs[name].session, trial.remedies))
             written.append(file)
     return written
 
 
-def changes_line(session: Session, remedies: Sequence[Remedy]) -> str:
+def _changes_line(session: Session, remedies: Sequence[Remedy]) -> str:
     """``# changed by fix: physics.enabled = false (was true)``, the comment that heads a session with some remedies."""
     changes = []
     for name, value in changes_of(session, remedies).items():
@@ -155,7 +155,7 @@ def changes_line(session: Session, remedies: Sequence[Remedy]) -> str:
     return f"# changed by fix: {', '.join(changes)}\n"
 
 
-def trial_of(chosen: Sequence[str], trials: Sequence[Trial]) -> Trial:
+def _trial_of(chosen: Sequence[str], trials: Sequence[Trial]) -> Trial:
     """The trial of some remedies, named as a row has them or by their settings alone, in any order.
 
     Raises:

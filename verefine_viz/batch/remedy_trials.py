@@ -47,7 +47,7 @@ class KnownAnswer:
         return tuple(remedy.for_finding(numbers) for remedy in known)
 
 
-def known_answers(runs: Mapping[str, BatchIndex]) -> tuple[KnownAnswer, ...]:
+def _known_answers(runs: Mapping[str, BatchIndex]) -> tuple[KnownAnswer, ...]:
     """The answers of all runs that a method was asked for."""
     return tuple(_known(name, row) for name, index in runs.items() for row in index.rows if row.was_asked_for)
 
@@ -110,7 +110,7 @@ def trials_of(
     Raises:
         VerefineError: no remedy is known, or no session can have it.
     """
-    answers = known_answers(runs)
+    answers = _known_answers(runs)
     bad = [one for one in answers if one.is_bad]
     good = [one for one in answers if not one.is_bad]
     sample = random.Random(seed).sample(good, len(good))
@@ -123,7 +123,7 @@ def trials_of(
         named = {remedy.name: (remedy, []) for remedy in every_known if bad}
     sets = list[tuple[tuple[Remedy, ...], list[KnownAnswer]]]()
     sets += [((remedy,), bad if every else of_it) for remedy, of_it in named.values()]
-    chosen = tuple(dict.fromkeys(remedy_named(name, named) for names in together for name in names.split(TOGETHER)))
+    chosen = tuple(dict.fromkeys(_remedy_named(name, named) for names in together for name in names.split(TOGETHER)))
     if len(chosen) > 1:
         of_any = [one for one in bad if every or any(one in named[name][1] for name in chosen)]
         sets.append((tuple(named[name][0] for name in chosen), of_any))
@@ -131,7 +131,7 @@ def trials_of(
     return tuple(trial for trial in trials if trial.jobs)
 
 
-def remedy_named(name: str, known: Mapping[str, Any]) -> str:
+def _remedy_named(name: str, known: Mapping[str, Any]) -> str:
     """The whole name of a remedy, which may be named by its setting alone.
 
     Raises:
@@ -212,7 +212,7 @@ def check_trials(trials: Sequence[Trial], runs: Mapping[str, BatchIndex]) -> Non
     """
     if trials:
         return
-    bad = [one for one in known_answers(runs) if one.is_bad]
+    bad = [one for one in _known_answers(runs) if one.is_bad]
     if not bad:
         raise InputError("no answer is wrong or in doubt: there is nothing to mend")
     if not any(one.cause for one in bad):

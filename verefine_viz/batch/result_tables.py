@@ -32,7 +32,7 @@ class Table(Protocol):
         """Take a finished frame."""
 
 
-def beginning_of(name: str) -> str:
+def _beginning_of(name: str) -> str:
     """The first line of a CSV table."""
     return HEADER if name == FRAMES else f"{RESULTS_HEADER}\n"
 
@@ -52,7 +52,7 @@ class ComparedTable:
             self._file = open_files.enter_context(opened(path))
         except InputError:
             return  # It is not there, or no file.
-        self._expect(beginning_of(self.name))
+        self._expect(_beginning_of(self.name))
 
     def add(self, record: RunRecord) -> None:
         self._expect(lines_of(self.name, record))
@@ -74,7 +74,7 @@ class WrittenTable:
         self._name = path.name
         part = open_files.enter_context(atomic(path))
         self._file = open_files.enter_context(part.open("wb"))
-        self._file.write(beginning_of(self._name).encode())
+        self._file.write(_beginning_of(self._name).encode())
 
     def add(self, record: RunRecord) -> None:
         self._file.write(lines_of(self._name, record).encode())

@@ -33,7 +33,7 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     if not frames:
         raise InputError("the session names no frames: the split and the targets file hold none")
     notes = (*toolbox.notes, *toolbox.source.check_initial_poses())
-    check_orders(session, frames)
+    _check_orders(session, frames)
     check_names(session)
     _ = toolbox.method  # The method with its refiner and verifier.
     if session.physics.support == "mesh":
@@ -45,7 +45,7 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return frames, notes
 
 
-def check_orders(session: Session, frames: Sequence[str]) -> None:
+def _check_orders(session: Session, frames: Sequence[str]) -> None:
     """Check the order of objects that ``session`` gives for all frames, or that its order file gives for ``frames``.
 
     Which objects and instances are in a frame is known when it is read; what does not fit it is noted then.

@@ -69,12 +69,12 @@ def check_file(path: Path, example: str, option: str = "--out") -> None:
     """
     if _there(path) == path and path.is_dir():
         raise InputError(f"{option} {path} is a folder, expected the name of a file, for example {path / example}")
-    if is_special(path):
+    if _is_special(path):
         raise InputError(f"{option} {path} is a device or a pipe, expected the name of a file, for example {example}")
     _try(path.parent, f"{option} {path}", option)
 
 
-def is_special(path: Path) -> bool:
+def _is_special(path: Path) -> bool:
     """Whether there is something that a file must not replace: a device, a pipe, a socket."""
     try:
         return path.exists() and not (path.is_file() or path.is_dir())
@@ -111,7 +111,7 @@ def new_file(path: Path) -> int:
     Raises:
         InputError: there is a device, a pipe or a folder, or no file can be made there.
     """
-    if is_special(path):
+    if _is_special(path):
         raise InputError(f"cannot write {path}: it is a device or a pipe, expected a file")
     try:
         with suppress(FileNotFoundError):
@@ -159,7 +159,7 @@ def atomic(path: Path) -> Iterator[Path]:
     """
     # Named after its writer: two processes, or threads, that write the same file must not share what is half-written.
     part = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}.part")
-    if is_special(path):
+    if _is_special(path):
         raise InputError(f"cannot write {path}: it is a device or a pipe, expected a file")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -122,7 +122,7 @@ class _Story:
     ) -> Moment:
         # A plane is shown once: it takes the whole image.
         layer = self._layer if self._layer != "plane" or kind in ("truth", "against") else ""
-        own, words = self._one.instance_id, in_few_words(caption)
+        own, words = self._one.instance_id, _in_few_words(caption)
         return Moment(kind, iteration, own, stage, tuple(poses), words, map_name, arm, layer)
 
     @property
@@ -281,7 +281,7 @@ def _moved(before: Stage | None, after: Stage) -> str:
     return f"{words}; score {before.score.score:.2f} to {after.score.score:.2f}"
 
 
-def in_few_words(text: str) -> str:
+def _in_few_words(text: str) -> str:
     """A text with a capital letter and at most :data:`MOST_WORDS` words."""
     words = text.split()
     cut = words if len(words) <= MOST_WORDS else [*words[: MOST_WORDS - 1], f"{words[MOST_WORDS - 1].rstrip(',;:.')} …"]

@@ -37,7 +37,7 @@ def score(case: Case) -> Finding | None:
     if case.lab.traits.has_tree:
         return _cost(case, case.answer.T_cam_obj)
     wrong = scored(case, case.answer.T_cam_obj[None])[0]
-    right = max(scored(case, poses_at_gt(case)), key=lambda s: s.score)
+    right = max(scored(case, _poses_at_gt(case)), key=lambda s: s.score)
     if wrong.score < right.score:
         return None
     of = "scene_" if case.lab.traits.takes_turns else ""
@@ -108,7 +108,7 @@ def discarded(case: Case) -> Finding | None:
 
 def _cost(case: Case, T_wrong: Float) -> Finding | None:
     """Finds that the answer leaves no more pixels of the scene unexplained, the search's cost, than ground truth."""
-    wrong_px, *at_gt_px = _unexplained_px(case, [T_wrong, *poses_at_gt(case)])
+    wrong_px, *at_gt_px = _unexplained_px(case, [T_wrong, *_poses_at_gt(case)])
     right_px = min(at_gt_px)
     if wrong_px > right_px:
         return None
@@ -143,7 +143,7 @@ def _unexplained_px(case: Case, poses: Sequence[Float]) -> list[int]:
     ]
 
 
-def poses_at_gt(case: Case) -> Float:
+def _poses_at_gt(case: Case) -> Float:
     """(n, 4, 4) ground truth, and what the refiner makes of it as long as that is right."""
     return polished(case, case.T_gt)
 

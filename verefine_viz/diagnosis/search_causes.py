@@ -70,7 +70,7 @@ def out_of_range(case: Case) -> Finding | None:
 
 def refiner(case: Case) -> Finding | None:
     """Finds that the refiner led the object astray, or fails on hypotheses from which ICP reaches the ground truth."""
-    return _astray(case) or beaten_by_icp(case)
+    return _astray(case) or _beaten_by_icp(case)
 
 
 def _astray(case: Case) -> Finding | None:
@@ -95,7 +95,7 @@ def _astray(case: Case) -> Finding | None:
     )
 
 
-def beaten_by_icp(case: Case) -> Finding | None:
+def _beaten_by_icp(case: Case) -> Finding | None:
     """Finds that the refiner fails where ICP does not; decided by a re-run with ICP from the same hypotheses."""
     session = case.lab.toolbox.session
     name = session.method.refiner
@@ -304,7 +304,7 @@ def no_hypothesis(case: Case) -> Finding:
 
 def pool(case: Case) -> Finding | None:
     """Finds that no hypothesis leads to the ground truth, while ground truth as a start does."""
-    if beaten_by_icp(case) is not None:
+    if _beaten_by_icp(case) is not None:
         return None
     if case.group and case.rerun(ALONE).repaired:
         alone = case.rerun(ALONE)

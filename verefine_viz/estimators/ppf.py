@@ -73,7 +73,7 @@ class Ppf:
         ready = self._model(model, progress)
         references = np.arange(0, len(segment.points), s.reference_every)
         progress.checkpoint(f"Looking for {model.name} in its segment by votes of {len(references)} of its points.")
-        Ts, votes = voted_poses(segment, references, ready.table, TURN_BINS, PEAKS, progress)
+        Ts, votes = _voted_poses(segment, references, ready.table, TURN_BINS, PEAKS, progress)
         center_obj = ready.table.points.mean(axis=0)
         same = SamePose(model.symmetries, center_obj, ALIKE_SHARE * d, math.radians(ALIKE_DEG))
         progress.checkpoint(f"Choosing poses of {model.name} that differ among {len(Ts):,}.")
@@ -99,7 +99,7 @@ class Ppf:
         return ready
 
 
-def voted_poses(
+def _voted_poses(
     scene: Oriented,
     references: NDArray[np.intp],
     table: FeatureTable,

@@ -82,7 +82,7 @@ def _mean_length(points: Float, D: Float) -> float:
     return total / len(points)
 
 
-def add_over_symmetries_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
+def _add_over_symmetries_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
     """The smallest ADD over the poses that look like ground truth by the declared symmetries [mm]; ADD-S is no larger.
 
     ADD-S takes each point's nearest neighbour, and so a slim object for right that is clearly turned.
@@ -99,7 +99,7 @@ def add_where_add_s_is_below(target: Target, T_est: Float, share: float) -> floa
     limit_mm = share * model.diameter_m * 1e3
     if T_gt is None or not model.is_symmetric or adds_mm(model, T_est, T_gt) >= limit_mm:
         return None
-    add_mm = add_over_symmetries_mm(model, T_est, T_gt)
+    add_mm = _add_over_symmetries_mm(model, T_est, T_gt)
     return None if add_mm < limit_mm else add_mm / (model.diameter_m * 1e3)
 
 

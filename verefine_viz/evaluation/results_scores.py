@@ -92,7 +92,7 @@ def evaluate_files(
     """
     started = time.perf_counter()
     tables = [_read(path) for path in files]
-    folder = BopDataset(dataset, split or default_split(dataset), sensor=sensor)
+    folder = BopDataset(dataset, split or _default_split(dataset), sensor=sensor)
     truth = BopGroundTruth(folder)
     asked = _targets(folder, targets, task, truth)
     covered = tuple(coverage(table, asked) for table in tables)
@@ -132,7 +132,7 @@ def evaluate_files(
     )
 
 
-def default_split(dataset: Path) -> str:
+def _default_split(dataset: Path) -> str:
     """``test``, or the data set's only folder that begins with it.
 
     Raises:

@@ -63,7 +63,7 @@ def grasps_of(model: ObjectModel, settings: GraspSettings, progress: ProgressTok
         Cancelled: through ``progress``.
     """
     if settings.folder:
-        file = annotated_file(Path(settings.folder), model)
+        file = _annotated_file(Path(settings.folder), model)
         if file is not None:
             return read_annotated(file, model, settings)
     key = f"{model.mesh_hash} {settings.samples} {settings.seed} {settings.opening_m}"
@@ -99,7 +99,7 @@ def grasp_files(folder: Path) -> list[Path]:
     return files
 
 
-def annotated_file(folder: Path, model: ObjectModel) -> Path | None:
+def _annotated_file(folder: Path, model: ObjectModel) -> Path | None:
     """The object's file: ``011_banana.npy``, or ``banana.npy``, of an object so named; or ``obj_000010.npy``.
 
     Raises:

@@ -63,7 +63,7 @@ POINTS = 500
 """Points per object, of a network whose card states no number."""
 
 
-def classes_of(network: OnnxNetwork, settings: DenseFusionSettings) -> Classes:
+def _classes_of(network: OnnxNetwork, settings: DenseFusionSettings) -> Classes:
     """The network's classes: from the settings, else from its model card.
 
     Raises:
@@ -127,7 +127,7 @@ class DenseFusionPose:
 
     def __init__(self, path: Path, settings: DenseFusionSettings) -> None:
         self.network = OnnxNetwork(path, POSE_NET, FORMAT)
-        self.classes = classes_of(self.network, settings)
+        self.classes = _classes_of(self.network, settings)
         self._seed = settings.seed
 
     def poses(self, target: Target) -> PixelPoses | None:
@@ -147,7 +147,7 @@ class DenseFusionPose:
         Ts = np.tile(np.eye(4), (len(quats), 1, 1))
         Ts[:, :3, :3] = rotations_of(quats, self.network)
         Ts[:, :3, 3] = points[0] + offsets
-        Ts = Ts @ shift_of(self.classes, model.obj_id, -1)
+        Ts = Ts @ _shift_of(self.classes, model.obj_id, -1)
         return PixelPoses(Ts, confidences, Colours(points, described), crop.n_distinct)
 
     def crop(self, target: Target) -> ObjectCrop | None:
@@ -171,7 +171,7 @@ class DenseFusionSteps:
 
     def __init__(self, path: Path, settings: DenseFusionSettings) -> None:
         self.network = OnnxNetwork(path, REFINE_NET, FORMAT)
-        self.classes = classes_of(self.network, settings)
+        self.classes = _classes_of(self.network, settings)
 
     def refined(self, T_cam_obj: Float, colours: Colours, model: ObjectModel, n_steps: int) -> Float:
         """The pose (4, 4) [m] after some steps of the network.
@@ -180,7 +180,7 @@ class DenseFusionSteps:
             InputError: the network does not know the object, or its answer is not finite.
         """
         index = index_of(self.classes, model, self.network)
-        T = T_cam_obj @ shift_of(self.classes, model.obj_id, 1)
+        T = T_cam_obj @ _shift_of(self.classes, model.obj_id, 1)
         described = colours.described.astype(np.float32)
         for _ in range(n_steps):
             # Seen from the object: were the pose right, the points would lie on the model.
@@ -188,7 +188,7 @@ class DenseFusionSteps:
             quat, shift = self.network.answers(points_obj.astype(np.float32), described, index)
             T = T @ transform(rotations_of(quat[None], self.network)[0], shift)
             T[:3, :3] = nearest_rotation(T[:3, :3])
-        return T @ shift_of(self.classes, model.obj_id, -1)
+        return T @ _shift_of(self.classes, model.obj_id, -1)
 
 
 def index_of(classes: Classes, model: ObjectModel, network: OnnxNetwork) -> np.ndarray:
@@ -216,7 +216,7 @@ def extents_mm(model: ObjectModel) -> tuple[float, float, float]:
     return x, y, z
 
 
-def shift_of(classes: Classes, obj_id: int, sign: int) -> Float:
+def _shift_of(classes: Classes, obj_id: int, sign: int) -> Float:
     """Right factor (4, 4) that converts a pose of the frame's model to one of the training's (1), or back (-1)."""
     return transform(np.eye(3), sign * np.array(classes.shifts_mm.get(obj_id, (0.0, 0.0, 0.0))) / 1000)
 

@@ -57,7 +57,7 @@ def checked_camera(K: ArrayLike, shape: tuple[int, ...]) -> Camera:
     return Camera(intrinsics_of(CameraEntry(cam_K=matrix), "K"), shape[1], shape[0])
 
 
-def as_array(given: ArrayLike, name: str) -> NDArray[Any]:
+def _as_array(given: ArrayLike, name: str) -> NDArray[Any]:
     """An array of real numbers, of any shape; ShapeError where it is not one."""
     try:
         array = np.asarray(given)
@@ -97,7 +97,7 @@ def checked_depth(depth_m: ArrayLike) -> NDArray[np.float32]:
 
 def checked_photo(rgb: ArrayLike, shape: tuple[int, int]) -> NDArray[np.uint8]:
     """A colour image (H, W, 3); ShapeError where it is not one of ``shape``."""
-    photo = as_array(rgb, "rgb")
+    photo = _as_array(rgb, "rgb")
     if photo.dtype != np.uint8:
         raise ShapeError(f"rgb is of {photo.dtype}, expected uint8, 0 to 255")
     return frozen(photo, "rgb", (*shape, 3), np.uint8)
@@ -188,7 +188,7 @@ def _by_estimator(poses: Poses, name: str) -> Mapping[str, ArrayLike]:
 
 
 def _mask(given: ArrayLike, where: str, shape: tuple[int, int]) -> Mask:
-    values = as_array(given, f"mask of {where}")
+    values = _as_array(given, f"mask of {where}")
     mask = frozen(values != 0, f"mask of {where}", shape, bool)
     if not mask.any():
         raise ShapeError(f"mask of {where} is empty")
@@ -234,7 +234,7 @@ def _first_distance_m(*given: ArrayLike | None) -> float:
         if one is None:
             continue
         with suppress(ValueError):
-            T = as_array(one, "pose").astype(np.float64).reshape(-1, 4, 4)
+            T = _as_array(one, "pose").astype(np.float64).reshape(-1, 4, 4)
             if len(T):
                 return float(np.linalg.norm(as_rigid(T[0], "pose")[:3, 3]))
     return 0.0
@@ -247,7 +247,7 @@ def _poses(
     given rotations of the others to ``taken``.
     """
     name = f"pose of {where} by {estimator}"
-    array = as_array(given, name)
+    array = _as_array(given, name)
     if array.size == 0:
         return []
     poses: list[Float | None] = []

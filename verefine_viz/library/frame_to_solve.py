@@ -375,12 +375,12 @@ def taken(sections: Mapping[str, Any]) -> tuple[dict[str, Any], OwnParts]:
         SettingsError: a keyword is not a section.
         InputError: an object given as a part is not one.
     """
-    check_sections(sections)
+    _check_sections(sections)
     named, parts = named_parts(sections)
     return plain_value(named), parts
 
 
-def check_sections(sections: Mapping[str, Any]) -> None:
+def _check_sections(sections: Mapping[str, Any]) -> None:
     """Raise SettingsError where a keyword is not a section of the settings; it names a section with such a field."""
     known, defaults = Session.__struct_fields__, Session()
     checked_mapping(sections, "sections", "settings by section, as in a session file")

@@ -44,7 +44,7 @@ def ordered(depths_m: Mapping[int, float], edges: Iterable[Edge]) -> Ordering:
         depths_m: of every instance; the nearer, the earlier.
         edges: between these instances.
     """
-    marked = without_cycles(edges)
+    marked = _without_cycles(edges)
     carried: dict[int, list[int]] = {i: [] for i in depths_m}
     carriers: dict[int, set[int]] = {i: set() for i in depths_m}
     for edge in marked:
@@ -113,7 +113,7 @@ def cut_by_cuthill_mckee(instance_ids: Iterable[int], edges: Iterable[Edge]) -> 
     return tuple(replace(e, state="cut") if number[e.first] != number[e.second] else e for e in marked)
 
 
-def without_cycles(edges: Iterable[Edge]) -> tuple[Edge, ...]:
+def _without_cycles(edges: Iterable[Edge]) -> tuple[Edge, ...]:
     """The edges in a fixed order, just so many support edges marked as ambiguous that the rest runs in no circle."""
     out = sorted(edges, key=lambda e: (e.kind, e.first, e.second))
     ids = sorted({i for e in edges for i in (e.first, e.second)})

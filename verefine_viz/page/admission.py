@@ -42,7 +42,7 @@ class Admission:
         if host not in _EVERYWHERE:
             names.append(url_host(host).lower())
         self._names, self._is_everywhere = names, host in _EVERYWHERE
-        self._allowed = {read_origin(text) for text in allowed}
+        self._allowed = {_read_origin(text) for text in allowed}
 
     def admits(self, port: int, hosts: Sequence[str], origins: Sequence[str]) -> bool:
         """Whether the server at a port answers a request with these headers: one Host, and one Origin from a page.
@@ -58,7 +58,7 @@ class Admission:
         return host in {origin.partition("://")[2] for origin in ours} and (not origins or origins[0] in ours)
 
 
-def read_origin(text: str) -> str:
+def _read_origin(text: str) -> str:
     """An origin as browsers write it: scheme, name and port, in small letters and without the usual port.
 
     Raises:

@@ -172,24 +172,24 @@ class CachedEvaluator:
         if support is None or evaluator is None:
             return None
         placed = Placed(target.instance.instance_id, target.model, T_cam_obj)
-        near = tuple(other for other in others if are_near(placed, other))
+        near = tuple(other for other in others if _are_near(placed, other))
         return self._remember(_among(placed, near), lambda: evaluator(placed, near, support))
 
     def known_plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
         """The cached result of :meth:`plausibility`; None = it was not called yet."""
         placed = Placed(target.instance.instance_id, target.model, T_cam_obj)
-        return self._numbers.get(_among(placed, [other for other in others if are_near(placed, other)]))
+        return self._numbers.get(_among(placed, [other for other in others if _are_near(placed, other)]))
 
     def overlap(self, one: Placed, other: Placed) -> Any | None:
         """The overlap of two objects; None where they do not overlap, or where that is not known."""
         evaluator = self._overlap
-        if evaluator is None or not are_near(one, other):
+        if evaluator is None or not _are_near(one, other):
             return None
         return self._remember(_pair(one, other), lambda: evaluator(one, other))
 
     def known_overlap(self, one: Placed, other: Placed) -> tuple[bool, Any | None]:
         """Whether :meth:`overlap` was called before (or need not be), and its result."""
-        if self._overlap is None or not are_near(one, other):
+        if self._overlap is None or not _are_near(one, other):
             return True, None
         key = _pair(one, other)
         return key in self._numbers, self._numbers.get(key)
@@ -205,7 +205,7 @@ class CachedEvaluator:
         return cache[key]
 
 
-def are_near(one: Placed, other: Placed) -> bool:
+def _are_near(one: Placed, other: Placed) -> bool:
     """Whether the spheres around two objects come close to each other."""
     (centre_one, radius_one), (centre_other, radius_other) = _sphere(one), _sphere(other)
     return float(np.linalg.norm(centre_one - centre_other)) < radius_one + radius_other + NEAR_M

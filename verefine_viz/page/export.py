@@ -98,7 +98,7 @@ class Exporter:
         session, note = savable(space.session_of(branch), branch, space.others_of(branch), len(space.frames))
         session = titled(session, path, space)
         if not verb.replace and path.exists():
-            refuse_loss(path, session, branch, space, verb)
+            _refuse_loss(path, session, branch, space, verb)
         save_session(session, path)
         space.files.pop(path.resolve(), None)  # The file written last goes to the end.
         space.files[path.resolve()] = Saved(session, branch)
@@ -113,7 +113,7 @@ class Exporter:
         if verb.what == "film":
             write_film(d, path, branch, verb.obj)
         else:
-            write_shared(shared(d, view_command(d.space), progress=self._progress), self._scene_page(), path)
+            write_shared(shared(d, _view_command(d.space), progress=self._progress), self._scene_page(), path)
         return path
 
     def _export(self, d: PageState, verb: Save) -> Path:
@@ -123,7 +123,7 @@ class Exporter:
         if verb.what == "recording":
             self._record(d.space, branch, path)
         elif verb.what == "results":
-            write_answers(branch, path)
+            _write_answers(branch, path)
         elif verb.what == "maps":
             with atomic(path) as part:
                 Image.fromarray(maps_sheet(branch, verb)).save(part, format="PNG")
@@ -211,7 +211,7 @@ def logged(d: PageState) -> list[AnyVerb]:
     return [*d.log, *d.progress_verbs()]
 
 
-def write_answers(branch: Branch, path: Path) -> None:
+def _write_answers(branch: Branch, path: Path) -> None:
     """Write the best poses so far as a BOP results file."""
     from verefine_viz.scenes.results_csv import ResultRow, write_results
 
@@ -232,7 +232,7 @@ def write_answers(branch: Branch, path: Path) -> None:
     write_results(path, rows)
 
 
-def view_command(space: Workspace) -> str:
+def _view_command(space: Workspace) -> str:
     """Return the command that opens the same again."""
     recording = space.work.first.recording
     file = recording if recording is not None else next(reversed(space.files), None)
@@ -262,10 +262,10 @@ def file_name(verb: Save, branch: Branch) -> str:
     endings = ENDINGS[verb.what]
     ending = next((one for one in endings if verb.name.endswith(one)), endings[0])
     stem = verb.name.removesuffix(ending)
-    return f"{checked_name(stem) if stem else stem_of(branch)}{ending}"
+    return f"{checked_name(stem) if stem else _stem_of(branch)}{ending}"
 
 
-def stem_of(branch: Branch) -> str:
+def _stem_of(branch: Branch) -> str:
     """Return the name of a branch's exports: title, frame and method."""
     session, frame = branch.settings, branch.run.problem.frame
     title = re.sub(r"[^\w-]+", "_", session.title or session.scene.demo or "run").strip("_")[:40] or "run"
@@ -298,7 +298,7 @@ def titled(session: Session, path: Path, space: Workspace) -> Session:
 # What a file would lose
 
 
-def refuse_loss(path: Path, session: Session, branch: Branch, space: Workspace, verb: Save) -> None:
+def _refuse_loss(path: Path, session: Session, branch: Branch, space: Workspace, verb: Save) -> None:
     """Pass where the file at ``path`` holds nothing that would be lost if ``session``, of ``branch``, replaced it.
 
     Raises:

@@ -79,12 +79,12 @@ def savable(session: Session, shown: Branch, others: Sequence[Branch], n_frames:
     alone = structs.replace(session, scene=scene, edits=here)
     if n_frames == 1:
         return alone, ""
-    belongs = extra_work(alone) or "a pose that the session moves in every frame is not moved here, which"
-    opens = f"it opens frame {frame} alone: {belongs} belong{'' if extra_work(alone) else 's'} to it"
+    belongs = _extra_work(alone) or "a pose that the session moves in every frame is not moved here, which"
+    opens = f"it opens frame {frame} alone: {belongs} belong{'' if _extra_work(alone) else 's'} to it"
     return alone, "; ".join(filter(None, (opens, _lacks(apart))))
 
 
-def extra_work(session: Session) -> str:
+def _extra_work(session: Session) -> str:
     """What a run of a session does beside its method, in words."""
     moved, changed = bool(session.edits) * ["edited poses"], bool(session.changes) * ["settings changed later"]
     return " and ".join(moved + changed)

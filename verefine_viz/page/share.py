@@ -137,7 +137,7 @@ def opened(path: Path, frame: str | None = None) -> Debugger:
     """
     there = read_openable(path)
     if there.gallery is not None:
-        return opened_batch(there.gallery, frame)
+        return _opened_batch(there.gallery, frame)
     space = Workspace(there.session, there.session_path, *real_parts(), frame=frame, recording=there.recording)
     if frame not in (None, space.frame):
         raise InputError(f"{path} is of frame {space.frame}, not of {frame}; leave out --frame")
@@ -148,7 +148,7 @@ def opened(path: Path, frame: str | None = None) -> Debugger:
     return debugger
 
 
-def opened_batch(gallery: Gallery, frame: str | None = None) -> Debugger:
+def _opened_batch(gallery: Gallery, frame: str | None = None) -> Debugger:
     """Open the worst answer of a batch, or of one of its frames; the verb ``Open`` takes it to other answers.
 
     Raises:

@@ -195,7 +195,7 @@ class World:
             inertia = (collider.inertia_m2 * mass_kg).tolist()
             self._bullet.changeDynamics(body, -1, localInertiaDiagonal=inertia)
             if settings.damping != BULLET_DAMPING:
-                rate = damping_rate(settings.damping)
+                rate = _damping_rate(settings.damping)
                 self._bullet.changeDynamics(body, -1, linearDamping=rate, angularDamping=rate)
         return body
 
@@ -213,7 +213,7 @@ def convex_body(
     return body
 
 
-def damping_rate(share: float) -> float:
+def _damping_rate(share: float) -> float:
     """What Bullet's articulated bodies, which pybullet makes, want for a damping by ``share`` of the speed a second.
 
     Their damping is a rate [1/s] (times 1 + the speed), where that of Bullet's plain rigid bodies, which others use, is

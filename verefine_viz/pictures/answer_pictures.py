@@ -62,7 +62,7 @@ class ShownPart:
         return Camera(K, width_px, height_px)
 
 
-def height_of(width_px: int) -> int:
+def _height_of(width_px: int) -> int:
     """Height of a picture of this width [px]."""
     return round(width_px * HEIGHT_PX / WIDTH_PX)
 
@@ -95,7 +95,7 @@ def thumbnail(target: Target, T_cam_obj: Float | None, width_px: int) -> bytes:
     """The camera's image with the contours of an answer, if there is one, and of the ground truth, as WebP."""
     drawn = {"ground truth": target.instance.T_cam_obj_gt, "accepted": T_cam_obj}
     poses = {kind: T for kind, T in drawn.items() if T is not None}
-    window, size = window_around(target, [*poses.values()]), (width_px, height_of(width_px))
+    window, size = window_around(target, [*poses.values()]), (width_px, _height_of(width_px))
     whole = PilImage.fromarray(camera_image(target.observation))
     image = np.array(whole.resize(size, PilImage.Resampling.BICUBIC, window.box))
     return webp(with_outlines(image, target, window, [(T, STAGE_COLORS[kind]) for kind, T in poses.items()]))

@@ -46,7 +46,7 @@ def scales_of(depth: Scale, tau_m: float) -> dict[MapName, Scale]:
     }
 
 
-def palette_of(name: MapName, scales: Mapping[MapName, Scale]) -> bytes:
+def _palette_of(name: MapName, scales: Mapping[MapName, Scale]) -> bytes:
     """768 bytes RGB, the colour of index 0 (no value) first."""
     if name in ("observed_colour", "rendered_colour"):
         return CUBE_PALETTE
@@ -64,7 +64,7 @@ class MapImages:
     """Made by :func:`scales_of`."""
 
     def indices(self, name: MapName) -> NDArray[np.uint8]:
-        """(H, W) indices into :func:`palette_of`: 0 = no value, 1 … 255 from the scale's low to its high end."""
+        """(H, W) indices into :func:`_palette_of`: 0 = no value, 1 … 255 from the scale's low to its high end."""
         maps = self.maps
         if name == "classes":
             return maps.classes
@@ -92,7 +92,7 @@ class MapImages:
 
     def rgb(self, name: MapName) -> Image:
         """(H, W, 3) colours."""
-        return rgb(self.indices(name), palette_of(name, self.scales))
+        return rgb(self.indices(name), _palette_of(name, self.scales))
 
 
 def depth_indices(depth_m: NDArray[np.float32], scale: Scale) -> NDArray[np.uint8]:

@@ -73,7 +73,7 @@ _ALONE = ("best", "add_s")
 """Groups of one curve per object, named after the object."""
 
 
-def styles_of(group: str, branch: ObjectBranch) -> tuple[CurveStyle, ...]:
+def _styles_of(group: str, branch: ObjectBranch) -> tuple[CurveStyle, ...]:
     """The curves of a group, in the order in which their numbers are sent."""
     if group not in _BY_HYPOTHESIS:
         return _STYLES[group]
@@ -103,7 +103,7 @@ def log_scene_styles(file: RecordingFile, layout: Layout) -> None:
 
 def _log_styles(file: RecordingFile, group: str, branch: ObjectBranch) -> None:
     holds = group in (*_BY_HYPOTHESIS, *_ALONE, "scene", "cost")
-    for style in styles_of(group, branch):
+    for style in _styles_of(group, branch):
         width = 2.5 if style.entity == "best" else 2.0 if group in ("scene", "cost") else 1.5
         file.log(entities.curve(group, branch.name, style.entity), _line(style.name, style.color, width, holds))
 
@@ -194,7 +194,7 @@ def _send(
     if group in _ALONE:
         file.send(entities.curves(group, branch.name), indices, rr.Scalars.columns(scalars=columns[0]))
         return
-    for style, values in zip(styles_of(group, branch), columns, strict=True):
+    for style, values in zip(_styles_of(group, branch), columns, strict=True):
         file.send(entities.curve(group, branch.name, style.entity), indices, rr.Scalars.columns(scalars=values))
 
 

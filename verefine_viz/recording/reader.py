@@ -35,7 +35,7 @@ def read_recording(path: Path) -> RunRecord:
     content = read_bytes(path, entities.RUN_FILE)
     if content is not None:
         return decoded(content, f"recording {path}")
-    beside = run_file_beside(path)
+    beside = _run_file_beside(path)
     if beside is None:
         raise InputError(
             f"{path} holds no run that can be read: it is damaged, its writer was stopped before its end, or another "
@@ -44,7 +44,7 @@ def read_recording(path: Path) -> RunRecord:
     return read_run_file(beside)
 
 
-def run_file_beside(path: Path) -> Path | None:
+def _run_file_beside(path: Path) -> Path | None:
     """The run file of a recording: in its folder, or in ``runs/`` of its batch; None where it is not there."""
     own = path.with_suffix(SUFFIX)
     return next((file for file in (own, path.parent.parent / "runs" / own.name) if file.is_file()), None)

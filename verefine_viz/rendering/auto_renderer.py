@@ -106,7 +106,7 @@ def times_on(
 
 def measured() -> RendererTimes:
     """Scores a made-up object with both renderers, one pose and 100: some ten ms, compilation aside."""
-    target, settings = made_up_target(), ScoreSettings(simplify_mm=0)
+    target, settings = _made_up_target(), ScoreSettings(simplify_mm=0)
     batches = [_poses(n) for n in SIZES]
     cpu, gl = CpuVerifier(settings), GlVerifier(settings)
     cpu_ms = _ms(cpu, target, batches)
@@ -183,7 +183,7 @@ class BySize:
         return self._gl if self._times.takes_gl(n) else self._cpu
 
 
-def made_up_target() -> Target:
+def _made_up_target() -> Target:
     """A ball of 2 000 triangles, 140 pixels across, in front of a wall: like an object on a table."""
     turns, heights = np.meshgrid(np.linspace(0, 2 * np.pi, 45)[:-1], np.linspace(0, np.pi, 25))
     vertices = 0.06 * np.stack(

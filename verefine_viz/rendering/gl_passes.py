@@ -117,7 +117,7 @@ class GlPasses:
 
     def draw(self, meshes: RenderMeshes, Ts: Float, windows: Windows, camera: Intrinsics, far: float) -> Drawn:
         """Passes 1 and 2: the window of the image that holds each combination (N, m, 4, 4), all at once."""
-        joint = joint_windows(windows)
+        joint = _joint_windows(windows)
         n_pixels = int((joint[:, 2] * joint[:, 3]).sum())
         pictures = self._empty(self._pictures, n_pixels)
         groups = self._draw_into(pictures, meshes, Ts, windows, joint, camera, far)
@@ -264,7 +264,7 @@ class GlPasses:
 
 def batches(windows: Windows) -> Iterator[slice]:
     """Ranges of combinations whose pictures fit into one buffer; at least one each."""
-    joint = joint_windows(windows)
+    joint = _joint_windows(windows)
     ends = np.cumsum(joint[:, 2] * joint[:, 3])
     first = 0
     while first < len(windows):
@@ -275,7 +275,7 @@ def batches(windows: Windows) -> Iterator[slice]:
         first = last
 
 
-def joint_windows(windows: Windows) -> NDArray[np.int64]:
+def _joint_windows(windows: Windows) -> NDArray[np.int64]:
     """(N, 4) the window that holds all models of a combination [px]; 0 columns where none shows."""
     shows = windows[:, :, 2:3] > 0
     first = np.where(shows, windows[:, :, :2], np.iinfo(np.int64).max).min(axis=1)

@@ -89,7 +89,7 @@ def simplified(
     if len(large) == 0:
         return best
     reference = ray_scene(vertices, faces)
-    reference_points = surface_points(vertices, faces)
+    reference_points = _surface_points(vertices, faces)
     scale = float(np.abs(vertices).max())
     too_few, enough = 4, len(large)
     while enough > 1.05 * too_few + 1:
@@ -108,10 +108,10 @@ def simplified(
 
 def deviation_m(a: tuple[Float, Faces], b: tuple[Float, Faces]) -> float:
     """Largest distance from sampled points of either surface to the other [m]."""
-    return _deviation(ray_scene(*a), surface_points(*a), *b)
+    return _deviation(ray_scene(*a), _surface_points(*a), *b)
 
 
-def surface_points(vertices: Float, faces: Faces) -> Float:
+def _surface_points(vertices: Float, faces: Faces) -> Float:
     """All vertices and ``N_SAMPLES`` points spread evenly over the surface, the same at each call."""
     rng = np.random.default_rng(0)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -129,7 +129,7 @@ def _deviation(
     if len(faces) == 0:
         return np.inf
     there = ray_scene(vertices, faces).compute_distance(queries(reference_points)).numpy().max()
-    used = queries(surface_points(*_welded(vertices, faces)))
+    used = queries(_surface_points(*_welded(vertices, faces)))
     return float(max(there, reference.compute_distance(used).numpy().max()))
 
 

@@ -150,7 +150,7 @@ def sections_of(runs: Sequence[BatchIndex], as_named: bool = False) -> tuple[Sec
     """
     by_data: list[tuple[str, set[Key], list[BatchIndex]]] = []
     for run in runs:
-        keys, data = keys_of(run), data_set(run)
+        keys, data = keys_of(run), _data_set(run)
         mine = next((one for one in by_data if one[0] == data and one[1] & keys), None)
         if mine is None:
             by_data.append((data, keys, [run]))
@@ -167,7 +167,7 @@ def sections_of(runs: Sequence[BatchIndex], as_named: bool = False) -> tuple[Sec
     return tuple(sections)
 
 
-def data_set(run: BatchIndex) -> str:
+def _data_set(run: BatchIndex) -> str:
     """Name of the data of a run."""
     scene = run.session.scene
     if scene.source == "demo":

@@ -30,7 +30,7 @@ class PairChange:
     @property
     def errors(self) -> tuple[float, float]:
         """As shares of the diameter; infinite without an answer."""
-        return error_or_infinite(self.a), error_or_infinite(self.b)
+        return _error_or_infinite(self.a), _error_or_infinite(self.b)
 
     @property
     def by(self) -> float:
@@ -47,7 +47,7 @@ class PairChange:
         return "" if before == after else ("right" if after else "wrong")
 
 
-def error_or_infinite(row: Answer) -> float:
+def _error_or_infinite(row: Answer) -> float:
     """ADD(-S) of the answer as a share of the diameter; infinite where there is no answer or no ground truth."""
     return math.inf if row.relative_error is None else row.relative_error
 

@@ -122,10 +122,10 @@ def _starts(a: Run, b: Run) -> Iterator[tuple[Kind, str]]:
             yield "start", f"has {_n(len(theirs), 'hypothesis', 'hypotheses')} of {name}, A has {len(ours)}"
             continue
         for j, (T_a, T_b) in enumerate(zip(ours, theirs, strict=True), 1):
-            if not same_pose(T_a, T_b):
+            if not _same_pose(T_a, T_b):
                 yield "start", f"starts hypothesis {j} of {name} {apart(T_a, T_b)} away"
         for j, (f_a, f_b) in enumerate(zip(scores_a[own], scores_b[own], strict=False)):
-            if f_a != f_b and same_pose(ours[j], theirs[j]):
+            if f_a != f_b and _same_pose(ours[j], theirs[j]):
                 yield "score", f"scores the initial pose of {name}'s hypothesis {j + 1} {instead(f_b, f_a)}"
 
 
@@ -150,7 +150,7 @@ def _iteration_differences(one: Iteration, other: Iteration, name: str) -> Itera
     for text in _scores(one, other, name):
         yield "score", text
     T_a, T_b = one.best.T_cam_obj, other.best.T_cam_obj
-    if not same_pose(T_a, T_b):
+    if not _same_pose(T_a, T_b):
         yield "answer", f"has its best pose of {name} {apart(T_a, T_b)} away"
 
 
@@ -161,7 +161,7 @@ def _deeds(one: Iteration, other: Iteration, name: str) -> Iterator[tuple[Kind, 
     if ours != theirs:
         yield "placed", f"has {_n(len(theirs), 'object', 'objects')} placed beside {name}, A has {len(ours)}"
     for p, q in zip(one.placed, other.placed, strict=False):
-        if p.instance_id == q.instance_id and not same_pose(p.T_cam_obj, q.T_cam_obj):
+        if p.instance_id == q.instance_id and not _same_pose(p.T_cam_obj, q.T_cam_obj):
             yield "placed", f"has a neighbour of {name} placed {apart(p.T_cam_obj, q.T_cam_obj)} away"
             break
     names_a, names_b = [s.name for s in one.stages], [s.name for s in other.stages]
@@ -169,7 +169,7 @@ def _deeds(one: Iteration, other: Iteration, name: str) -> Iterator[tuple[Kind, 
         yield "stages", f"goes through {', '.join(names_b)} with {name} instead of {', '.join(names_a)}"
     for stage in other.stages:
         ours_of = one.stage(stage.name)
-        if ours_of is not None and not same_pose(ours_of.T_cam_obj, stage.T_cam_obj):
+        if ours_of is not None and not _same_pose(ours_of.T_cam_obj, stage.T_cam_obj):
             yield "pose", f"has its {stage.name} pose of {name} {apart(ours_of.T_cam_obj, stage.T_cam_obj)} away"
     if one.accepted != other.accepted:
         yield "accepted", f"accepts the {other.accepted} pose of {name} instead of the {one.accepted} one"
@@ -178,7 +178,7 @@ def _deeds(one: Iteration, other: Iteration, name: str) -> Iterator[tuple[Kind, 
 def _scores(one: Iteration, other: Iteration, name: str) -> Iterator[str]:
     for stage in other.stages:
         ours = one.stage(stage.name)
-        if ours is None or not same_pose(ours.T_cam_obj, stage.T_cam_obj):
+        if ours is None or not _same_pose(ours.T_cam_obj, stage.T_cam_obj):
             continue
         f_a = ours.score.score if ours.score else None
         f_b = stage.score.score if stage.score else None
@@ -186,7 +186,7 @@ def _scores(one: Iteration, other: Iteration, name: str) -> Iterator[str]:
             yield f"scores the {stage.name} pose of {name} {instead(f_b, f_a)}"
 
 
-def same_pose(T_a: Float, T_b: Float) -> bool:
+def _same_pose(T_a: Float, T_b: Float) -> bool:
     """Whether two poses are the same, bit for bit."""
     return np.array_equal(T_a, T_b)
 

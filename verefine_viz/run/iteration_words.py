@@ -109,13 +109,13 @@ def sentence(iteration: Iteration, target: Target, refiner: str, labels: Mapping
     if iteration.tree is not None:
         return _tree_sentence(iteration, iteration.tree, labels)
     did = [stage_sentence(iteration, k, target, refiner) for k in range(1, len(iteration.stages))]
-    parts = [chosen_because(iteration), *filter(None, did)]
+    parts = [_chosen_because(iteration), *filter(None, did)]
     accepted = "nothing was better: current pose" if iteration.accepted == "current" else iteration.accepted
     words = f"{'; '.join(filter(None, parts))}. Accepted: {accepted}."
     return words[:1].upper() + words[1:]
 
 
-def chosen_because(iteration: Iteration) -> str:
+def _chosen_because(iteration: Iteration) -> str:
     """Say why the bandit chose the hypothesis; "" where there was no choice."""
     choice = iteration.choice
     if choice is None:
@@ -130,7 +130,7 @@ def chosen_because(iteration: Iteration) -> str:
 def stage_sentence(iteration: Iteration, k: int, target: Target, refiner: str) -> str:
     """Describe stage ``k``; "" where it did nothing to mention."""
     if k == 0:
-        return chosen_because(iteration)
+        return _chosen_because(iteration)
     before, stage = iteration.stages[k - 1], iteration.stages[k]
     if stage.name == "mixed":
         return ""

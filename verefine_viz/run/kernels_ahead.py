@@ -47,7 +47,7 @@ def compile_ahead(session: Session) -> None:
         context.Process(target=_compile, args=(session, own), name="verefine-kernels", daemon=True).start()
 
 
-def tiny_target() -> tuple[Target, Float]:
+def _tiny_target() -> tuple[Target, Float]:
     """A carton in the middle of an image of 80 × 60 pixels, 0.5 m away, and its pose, to call kernels with."""
     from verefine_viz.scenes.demo_models import demo_model
 
@@ -68,7 +68,7 @@ def tiny_target() -> tuple[Target, Float]:
 def _refine(session: Session) -> None:
     from verefine_viz.run.toolbox import Toolbox
 
-    target, T_cam_obj = tiny_target()
+    target, T_cam_obj = _tiny_target()
     # ICP first, which draws nothing: kernels for drawing are compiled by the process that shows the frame.
     last = _refiner_of(session)
     for name in ("icp", last) if last == "depth_net_icp" else (last,):
@@ -85,7 +85,7 @@ def _evaluate(session: Session) -> None:
     from verefine_viz.evaluation.allowed_search import allowed_poses
     from verefine_viz.run.toolbox import Toolbox
 
-    target, T_cam_obj = tiny_target()
+    target, T_cam_obj = _tiny_target()
     allowed_poses(Toolbox(session).verifier, target, T_cam_obj)
 
 

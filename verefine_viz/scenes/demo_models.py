@@ -96,7 +96,7 @@ def carton() -> Mesh:
     return painted(Mesh(v, mesh.faces, None), colors)
 
 
-def jug_handle(radius_m: float, middle_m: float, reach_m: float, thickness_m: float) -> Mesh:
+def _jug_handle(radius_m: float, middle_m: float, reach_m: float, thickness_m: float) -> Mesh:
     """Half a ring that starts and ends inside a wall at ``radius_m``, in the x-z plane, towards +x.
 
     Args:
@@ -244,7 +244,7 @@ def _jug(with_handle: bool = True) -> Mesh:
     outer = [(0, 0), (0.044, 0), (0.047, 0.004), (0.045, 0.125), (0.041, 0.125)]
     body = lathe([*outer, (0.042, 0.006), (0, 0.006)], 48, centred=False)
     body = painted(body, lambda v: np.tile((206, 220, 226), (len(v), 1)))
-    handle = painted(jug_handle(0.044, 0.062, 0.040, 0.0095), lambda v: np.tile((150, 196, 214), (len(v), 1)))
+    handle = painted(_jug_handle(0.044, 0.062, 0.040, 0.0095), lambda v: np.tile((150, 196, 214), (len(v), 1)))
     # The frame is that of the jug with its handle in both cases: a sensor sees the body alone through a glass handle.
     jug = merged(body, handle)
     middle = (jug.vertices_m.min(axis=0) + jug.vertices_m.max(axis=0)) / 2

@@ -117,7 +117,7 @@ def _by_id(files: Sequence[MeshFile], labels: str) -> dict[int, MeshFile]:
     return dict(sorted(numbered.items()))
 
 
-def models_in(folder: Path, scene: SceneSettings) -> Models:
+def _models_in(folder: Path, scene: SceneSettings) -> Models:
     """The models of a folder: those of a BOP data set, or any meshes, named as their files.
 
     Raises:
@@ -176,7 +176,7 @@ def unlabelled_frames(scene: SceneSettings) -> UnlabelledFrames:
         InputError: the folder is in no layout that is read, or there are no models.
     """
     folder = Path(scene.dataset)
-    models = models_in(Path(scene.models), scene) if scene.models else None
+    models = _models_in(Path(scene.models), scene) if scene.models else None
     recording = recording_in(folder) if folder.is_dir() else None
     if recording is not None:
         return _OfRecording(scene, recording, models)

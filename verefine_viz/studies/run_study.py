@@ -30,7 +30,7 @@ class StudyOutcome:
     """Units that failed; the same call tries them again."""
 
 
-def units_of(study: Study, frames: Mapping[str, tuple[str, ...]], seeds: int) -> list[Unit]:
+def _units_of(study: Study, frames: Mapping[str, tuple[str, ...]], seeds: int) -> list[Unit]:
     """Every frame of every scene, at every x of every panel, once per seed."""
     return [
         Unit(panel.name, x, seed, scene, frame)
@@ -109,7 +109,7 @@ def _answers(done: Mapping[Unit, UnitResult]) -> tuple[UnitAnswer, ...]:
 
 
 def _units(request: StudyRequest, sessions: Mapping[str, Session], seeds: int) -> Sequence[Unit]:
-    return units_of(request.study(), {name: check(session)[0] for name, session in sessions.items()}, seeds)
+    return _units_of(request.study(), {name: check(session)[0] for name, session in sessions.items()}, seeds)
 
 
 def _about(request: StudyRequest, sessions: Mapping[str, Session]) -> Mapping[str, object]:

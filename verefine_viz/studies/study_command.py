@@ -68,7 +68,7 @@ def run_one(
     first = next(iter(sessions.values()))
     own_initial_poses = first.hypotheses.source != "perturb"
     request = StudyRequest(name, quick, own_initial_poses, first.method.refiner)
-    check_options(request.study(), overrides)
+    _check_options(request.study(), overrides)
     of_study = GRASP_SEEDS if name == "grasping" else (SEEDS, QUICK_SEEDS)
     n_seeds = seeds if seeds is not None else of_study[quick]
     if request.own_initial_poses and name == "tables":
@@ -115,7 +115,7 @@ def _write_results(
     quick = "quick run" if request.quick else ""
     about = About(_about(sessions, answers, seeds), ", ".join(text for text in (quick, part) if text))
     clear_parts(out, name)
-    write_objects(answers, out / f"{name}_objects.csv")
+    _write_objects(answers, out / f"{name}_objects.csv")
     if name == "grasping":
         report_grasps(study, answers, out, about)
     elif name == "tables":
@@ -151,7 +151,7 @@ def _with(overrides: Mapping[str, Any], section: str, fields: Mapping[str, Any])
     return {**overrides, section: {**overrides.get(section, {}), **fields}}
 
 
-def check_options(study: Study, overrides: Mapping[str, Any]) -> None:
+def _check_options(study: Study, overrides: Mapping[str, Any]) -> None:
     """Raises SettingsError where an option is given that the study sets itself: it would be ignored."""
     given = [f"{section}.{name}" for section, of in overrides.items() if isinstance(of, Mapping) for name in of]
     for name in given:
@@ -167,7 +167,7 @@ def _with_turned(name: str, session: Session) -> dict[str, Session]:
     return {name: session, f"{name} {TURNED}": structs.replace(session, scene=scene)}
 
 
-def write_objects(outcomes: Sequence[UnitAnswer], path: Path) -> None:
+def _write_objects(outcomes: Sequence[UnitAnswer], path: Path) -> None:
     """All outcomes: a row per curve, x, seed, frame and object."""
     write_rows(path, [_row(outcome) for outcome in outcomes])
 

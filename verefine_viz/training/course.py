@@ -75,7 +75,7 @@ class Course:
         """
         if not self.checkpoint.exists():
             return None
-        saved = read_checkpoint(self.checkpoint, self.made_with, self.n_steps)
+        saved = _read_checkpoint(self.checkpoint, self.made_with, self.n_steps)
         self.step = saved["step"]
         self.n_steps, self.losses = saved["n_steps"], [tuple(row) for row in saved["losses"]]
         return saved
@@ -105,11 +105,11 @@ class Course:
         self.report(TrainingProgress(self.step, self.n_steps, loss, error))
         if self.n_steps is not None and (perf_counter() - self._saved_at > SAVED_EVERY_S or self.is_over):
             course = {"losses": self.losses, "n_steps": self.n_steps, "step": self.step}
-            write_checkpoint(self.checkpoint, self.made_with, {**state(), **course})
+            _write_checkpoint(self.checkpoint, self.made_with, {**state(), **course})
             self._saved_at = perf_counter()
 
 
-def write_checkpoint(path: Path, made_with: Mapping[str, Any], state: Mapping[str, Any]) -> None:
+def _write_checkpoint(path: Path, made_with: Mapping[str, Any], state: Mapping[str, Any]) -> None:
     """Writes the state of a training, whole or not at all.
 
     Args:
@@ -124,7 +124,7 @@ def write_checkpoint(path: Path, made_with: Mapping[str, Any], state: Mapping[st
         torch.save({"format": CHECKPOINT_FORMAT, "made_with": dict(made_with), **state}, part)
 
 
-def read_checkpoint(path: Path, made_with: Mapping[str, Any], n_steps: int | None) -> dict[str, Any]:
+def _read_checkpoint(path: Path, made_with: Mapping[str, Any], n_steps: int | None) -> dict[str, Any]:
     """The state in a checkpoint file.
 
     Args:

@@ -118,7 +118,7 @@ def train_densefusion(
             samples = samples or TrainingSamples(scenes, seed, n_points, batch_size, course.step)
             pose.train()
             for sample in samples.next():
-                loss, error = whole_loss(pose, sample)
+                loss, error = _whole_loss(pose, sample)
                 (loss / batch_size).backward()
                 results.append((float(loss.detach()), float(error)))
         else:
@@ -128,7 +128,7 @@ def train_densefusion(
             assert cached is not None
             drawn = cached.next()
             loss, error = (
-                refiner_loss(refine, from_starts(*drawn)) if part == REFINER else heads_loss(pose, from_camera(*drawn))
+                refiner_loss(refine, from_starts(*drawn)) if part == REFINER else _heads_loss(pose, from_camera(*drawn))
             )
             loss.backward()
             results.append((float(loss.detach()), float(error)))
@@ -148,7 +148,7 @@ def phase(step: int, n_steps: int | None) -> tuple[int, int, float]:
     return part, began_at, (step - began_at) / (ends[part] - began_at)
 
 
-def whole_loss(pose: PoseNet, sample: Sample) -> tuple[Tensor, Tensor]:
+def _whole_loss(pose: PoseNet, sample: Sample) -> tuple[Tensor, Tensor]:
     """PoseNet's loss on a sample, and the ADD(-S) of its most confident pose [m]."""
     image, points, chosen, index = inputs(sample)
     quats, offsets, confidences, _ = pose(image, points, chosen, index)
@@ -157,7 +157,7 @@ def whole_loss(pose: PoseNet, sample: Sample) -> tuple[Tensor, Tensor]:
     return pose_loss(quats[None], offsets[None], confidences[None], points, model, wanted, is_symmetric)
 
 
-def heads_loss(pose: PoseNet, batch: SampleBatch) -> tuple[Tensor, Tensor]:
+def _heads_loss(pose: PoseNet, batch: SampleBatch) -> tuple[Tensor, Tensor]:
     """PoseNet's loss on a batch whose colours are described, and the mean ADD(-S) of its most confident poses [m]."""
     answers = pose.poses(batch.points, batch.colours, batch.index)
     return pose_loss(*answers, batch.points, batch.models, batch.wanted, batch.is_symmetric)

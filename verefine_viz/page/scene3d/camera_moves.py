@@ -53,7 +53,7 @@ def set_first_look(
     camera.position, camera.look_at, camera.up = middle + distance_m * direction, middle, np.array([0.0, 0.0, 1.0])
     camera.near = NEAR_M
     for client in server.get_clients().values():
-        take_to_first_look(server, client)
+        _take_to_first_look(server, client)
 
 
 def _beside(direction: Float) -> Float:
@@ -62,7 +62,7 @@ def _beside(direction: Float) -> Float:
     return np.array([c * direction[0] - s * direction[1], s * direction[0] + c * direction[1], direction[2]])
 
 
-def take_to_first_look(server: viser.ViserServer, client: viser.ClientHandle) -> None:
+def _take_to_first_look(server: viser.ViserServer, client: viser.ClientHandle) -> None:
     """Take one browser's camera back to the first look."""
     first = server.initial_camera
     client.camera.up_direction = np.array([0.0, 0.0, 1.0])

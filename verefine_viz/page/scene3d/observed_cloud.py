@@ -82,7 +82,7 @@ def class_colors(cloud: Cloud, maps: ScoreMaps) -> Image:
     return np.where((classes > 0)[:, None], class_image(classes), cloud.faded)
 
 
-def surface_scale(tau_m: float) -> Scale:
+def _surface_scale(tau_m: float) -> Scale:
     """Return the colours of a signed distance to a surface [mm], over half the depth tolerance to either side.
 
     Blue = outside, red = inside, as maps colour a point before or behind the rendered surface.
@@ -96,7 +96,7 @@ def distance_colors(cloud: Cloud, posed: Sequence[tuple[Target, Float]], tau_m: 
     distances_m = np.full(len(cloud.points_cam), np.nan)
     distances_m[cloud.is_object] = signed_distances(cloud.points_cam[cloud.is_object], posed, REACH * tau_m)
     near = np.isfinite(distances_m)
-    return np.where(near[:, None], surface_scale(tau_m).colors(1000 * distances_m), cloud.faded)
+    return np.where(near[:, None], _surface_scale(tau_m).colors(1000 * distances_m), cloud.faded)
 
 
 def measured_points(problem: Problem) -> Float:

@@ -63,7 +63,7 @@ def comparison(space: Workspace, want: p.ComparisonWanted, blobs: Blobs) -> Comp
         scores_alike=alike,
         pairs=[RunPair(*pair) for pair in pairs],
         departures=[_departure(one) for one in differences if one is not None],
-        words=describe_departure(differences, min(effort_a.iterations, effort_b.iterations)),
+        words=_describe_departure(differences, min(effort_a.iterations, effort_b.iterations)),
         rows=[_outcome(o, alike) for o in answers],
         frame=_frame_scores(a, b, answers),
         effort=BothEfforts(_effort(effort_a), _effort(effort_b)),
@@ -88,7 +88,7 @@ def names_of(a: Branch, b: Branch) -> tuple[str, str]:
     return name_a, name_b
 
 
-def describe_departure(differences: Departures, n_both: int) -> str:
+def _describe_departure(differences: Departures, n_both: int) -> str:
     """Say where two runs diverge: "A and B do the same for 1 iteration. Then in iteration 2 B works on hypothesis
     3.".
     """

@@ -38,10 +38,10 @@ def recorded(space: Workspace, want: p.RecordedWanted, blobs: Blobs) -> Recorded
         if step is not None and refined is not None:
             ours = refined.score and refined.score.score
             rows.append(RecordedPose(iteration.index, iteration.arm, step.name, step.score, ours, step.ms, step.note))
-    return RecordedAnswer(rows, rank_correlation([(row.theirs, row.ours) for row in rows]))
+    return RecordedAnswer(rows, _rank_correlation([(row.theirs, row.ours) for row in rows]))
 
 
-def rank_correlation(pairs: list[tuple[float | None, float | None]]) -> float | None:
+def _rank_correlation(pairs: list[tuple[float | None, float | None]]) -> float | None:
     """Return Spearman's correlation of the pairs that have both, in [-1, 1]; None where it has no meaning."""
     both = [pair for pair in pairs if None not in pair]
     if len(both) < FEWEST:

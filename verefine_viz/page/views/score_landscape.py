@@ -60,7 +60,7 @@ def landscape(space: Workspace, want: p.LandscapeWanted, blobs: Blobs) -> Curves
             apart_mm=other.apart_mm,
             words=describe(name, allowed, other),
         ),
-        near=describe_turns(evaluator.near_symmetries(target.model)),
+        near=_describe_turns(evaluator.near_symmetries(target.model)),
     )
 
 
@@ -92,7 +92,7 @@ def _slice(two: Any, T_cam_obj: Any) -> SliceAnswer:
     )
 
 
-def describe_turns(symmetries: Sequence[NearSymmetry]) -> list[str]:
+def _describe_turns(symmetries: Sequence[NearSymmetry]) -> list[str]:
     """List the turns after which a shape nearly looks the same: "180° about 3 axes: 1.4 to 1.8 mm apart"."""
     alike: dict[str, list[float]] = {}
     for axis in _by_axis(symmetries):
