@@ -85,6 +85,7 @@ def test_one_bit_of_a_pose_is_found_and_told_from_a_real_difference(tmp_path: Pa
     assert by == pytest.approx(recorded - now, rel=0.05)
     assert 0 < most < 1e-15
     assert (found.n_compared, found.ends_early) == (16, False)
+    assert found.difference in found.text
 
 
 @pytest.mark.parametrize(
