@@ -108,6 +108,7 @@ BATCH: dict[str, Words] = {
     "holds no data": lambda d: [d.folder],
     "did you mean": lambda d: [d.batch_folder()],
     r"'\x1b[2J\nrm'": lambda d: [d.file("s.toml", '[scene]\ndemo = "\\u001b[2J\\nrm"\n')],
+    "scene.dataset": lambda d: [d.file("s.toml", '[scene]\nsource = "bop"\n')],
     "scene.objects": lambda d: [d.bop(scene="objects = [99]")],
     "none.json": lambda d: [d.bop(scene='masks = "none.json"')],
     "none.csv": lambda d: [d.bop(hypotheses='source = "results"\nfiles = ["none.csv"]')],

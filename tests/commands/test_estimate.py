@@ -31,7 +31,7 @@ def run(*words: object) -> int:
 
 
 def test_the_file_holds_what_the_session_s_problem_holds_and_nothing_is_made_that_only_physics_needs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session, out = write_session(tmp_path, make_frames(tmp_path / "data", 2)), tmp_path / "new" / "ppf_boxes-test.csv"
     words = ("--physics.enabled", "True", "--dependency.order-file", "none.json", "--scene.frames", "7/1")
@@ -39,6 +39,7 @@ def test_the_file_holds_what_the_session_s_problem_holds_and_nothing_is_made_tha
     assert "1 frames, 3 objects" in capsys.readouterr().out
     assert [p.name for p in (tmp_path / "cache" / "verefine-viz").iterdir()] == ["ppf"]
     overrides = {"hypotheses": {"source": "ppf"}, "ppf": {"step": 0.08}, "physics": {"enabled": False}}
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "another cache"))  # Its tables are made once more.
     problem = Toolbox(load_session(session, overrides)).problem("7/1")
     wanted = [(i.obj_id, h) for i in problem.instances for h in i.hypotheses]
     rows = read_results(out)
