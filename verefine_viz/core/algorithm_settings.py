@@ -46,7 +46,7 @@ class TricpSettings(Settings, frozen=True):
     energy_ratio: Share = 0.99
     """A pass that leaves more than this share of the energy before is the last."""
     max_passes: Count = 50
-    """Most passes of a call, a bound on its time; PCL has none."""
+    """Most passes of a call, which bounds its time; PCL has no bound."""
     explained_m: LengthOrNone = 0.008
     """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""
 
@@ -65,11 +65,11 @@ class DenseFusionSettings(Settings, frozen=True):
 
     weights: InputPath = ""
     """PoseNet: official .pth file (which needs the extra `torch` once), or ONNX file of `verefine-viz train
-    densefusion`, relative to the session file; empty = the package's, which know the objects of the built-in scenes."""
+    densefusion`, relative to the session file; empty = the package's, trained on the objects of the built-in scenes."""
     refiner_weights: InputPath = ""
-    """PoseRefineNet: the same; of one training with `weights`."""
+    """PoseRefineNet: a file of the same kinds, from the same training as `weights`."""
     classes: tuple[Index, ...] = ()
-    """Ids of the objects in the order of the network's classes; none = as the weights have it: of official ones the
+    """Ids of the objects in the order of the network's classes; none = as in the weights: official ones have the
     21 objects of YCB-Video or the 13 of LINEMOD, whose order and frames are known."""
     points: Annotated[int, Meta(ge=0, le=10_000)] = 0
     """Points of the mask that the networks see; 0 = as in training, official: 1000 on YCB-Video, 500 on LINEMOD."""
@@ -77,7 +77,7 @@ class DenseFusionSettings(Settings, frozen=True):
     """Steps of PoseRefineNet per refiner call. Paper Sec. V: 2 in all, shared out over 2 iterations
     (`method.iterations = 2`)."""
     seed: Seed = 0
-    """Seeds the points, and which of their poses make up the pool."""
+    """Seeds the points, and the choice of their poses for the pool."""
 
 
 class PpfSettings(Settings, frozen=True):
@@ -90,7 +90,7 @@ class PpfSettings(Settings, frozen=True):
     angle_bin_deg: Annotated[float, Meta(ge=4, le=45)] = 12.0
     """Bin of the three angles [deg]."""
     bin_limit: LargeCount = 1000
-    """Most model pairs of a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
+    """Most model pairs used of a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
     reference_every: Count = 5
     """Every n-th scene point is a reference."""
     candidates: Count = 60
@@ -110,19 +110,19 @@ class PcsSettings(Settings, frozen=True):
     grid_m: Annotated[float, Meta(ge=5e-4, le=1)] = 0.005
     """Side of the grid that thins segment and model [m]; finer for small objects."""
     part_share: Annotated[float, Meta(ge=0, lt=1)] = 0.1
-    """Parts of the segment that stand alone and hold less than this share of its points are left out: a mask that leaks
-    leaves such. 0 keeps all (published code)."""
+    """Isolated parts of the segment with less than this share of its points are left out, as they come from leaking
+    masks. 0 keeps all (published code)."""
     samples: Annotated[int, Meta(ge=1, le=2000)] = 300
-    """Points of the model, spread evenly, of which those that lie on the segment are counted; more tell similar poses
+    """Points of the model, spread evenly; those that lie on the segment are counted. More of them tell similar poses
     better apart, and take longer."""
     spacing_m: LengthOrNone = 0.014
     """Points that are at least so far apart make up the quads [m]; the number of quads grows with the fourth
     power of the number of points. 0 takes all (published code)."""
     bases: LargeCount = 100
-    """Bases tried; the published code goes on for 1 s, so that its results depend on the machine."""
+    """Bases tried; the published code tries bases for 1 s, so that its results depend on the machine."""
     keep_share: Annotated[float, Meta(gt=0, le=1)] = 0.7
-    """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, and then the middle of a
-    cluster is often none of the good poses."""
+    """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, with which the middle of a
+    cluster is often no good pose."""
     seed: Seed = 0
     """Seeds bases, quads and clusters."""
 
@@ -135,11 +135,11 @@ class MctsSettings(Settings, frozen=True):
     seconds: Annotated[float, Meta(gt=0, le=86_400)] | None = None
     """Budget in computing time per cluster instead [s]; results then depend on the machine."""
     exploration_px: Weight = 5000.0
-    """α, weight of the exploration term [px]. The cost counts pixels: larger for images of more pixels."""
+    """α, weight of the exploration term [px]. The cost counts pixels: choose it larger for images of more pixels."""
     explained_m: Length = 0.010
     """A pixel whose observed and rendered depth differ by more than this adds 1 to the cost [m]."""
     trim: Annotated[float, Meta(gt=0, le=1)] = 1.0
-    """Trim of its trimmed ICP."""
+    """Share of the points that its trimmed ICP uses."""
     physics: Literal["published", "session"] = "published"
     """published: 60 steps, 10 kg, gravity 2 m/s², damping 0.99, friction 1, one hull each. session: [physics]."""
 
@@ -151,16 +151,16 @@ class DependencySettings(Settings, frozen=True):
     """recommended: contact, occlusion and support from the visible clouds. published: masks that touch when dilated by
     one pixel form a cluster, lower tops come first."""
     clusters: Literal["components", "cuthill_mckee"] = "components"
-    """Which objects are one cluster. components: all that edges connect, over others too. cuthill_mckee: as the
-    authors' code splits them, which takes some apart that edges connect."""
+    """Which objects form a cluster. components: all that edges connect, directly or over others. cuthill_mckee: as the
+    authors' code splits them, which separates some objects that edges connect."""
     order: Order = ()
-    """Clusters in the order to solve them, which wins over any rule: object ids, or "#4" for instance 4 where an object
-    is there twice, as [[8, 2], [3]]."""
+    """Clusters in the order to solve them, which wins over any rule, as [[8, 2], [3]]: object ids, or "#4" for
+    instance 4 where an object appears twice."""
     order_file: InputPath = ""
-    """A JSON file of orders by frame, {"50/1": [[8, 2], [3]]}, relative to the session file; none = the order that came
-    with the frame, as those of Extended APC have one, else the rule's."""
+    """A JSON file of orders by frame, {"50/1": [[8, 2], [3]]}, relative to the session file; none = the order that
+    comes with the frame, as in Extended APC, else the order of the rule."""
     cut: tuple[tuple[Index, Index], ...] = ()
-    """Pairs of instances between which no edge is to count."""
+    """Pairs of instances whose edges do not count."""
     contact_m: Length = 0.015
     """Visible clouds nearer than this may touch [m]."""
     occlusion_m: Length = 0.010
@@ -171,7 +171,7 @@ class GraspSettings(Settings, frozen=True):
     """The simulated grasp: a parallel gripper as wide as the Toyota HSR's, in Bullet. docs/methods.md 8.4."""
 
     answers: bool = False
-    """Whether a batch carries out a grasp at each answer, and at its ground truth, and recordings show it; takes
+    """Whether a batch simulates a grasp at each answer, and at its ground truth, which recordings then show; takes
     seconds per object."""
     folder: InputPath = ""
     """Folder of annotated grasps, .npy files of 4×4 transforms [m] in the object's frame, one per object, named after
@@ -181,9 +181,9 @@ class GraspSettings(Settings, frozen=True):
     seed: Seed = 0
     """Seeds the sampled grasps."""
     opening_m: Annotated[float, Meta(ge=0.01, le=0.5)] = 0.135
-    """Distance of the open fingers [m], as your gripper has it; that of the Toyota HSR is 0.135."""
+    """Distance of the open fingers of your gripper [m]; 0.135 for the Toyota HSR."""
     force_n: Annotated[float, Meta(ge=0.1, le=1000)] = 40.0
-    """Force of each closing finger [N], as your gripper's data sheet has it."""
+    """Force of each closing finger [N], from your gripper's data sheet."""
     mass_kg: Annotated[float, Meta(ge=1e-3, le=100)] = 0.5
     """Mass of every object [kg]."""
     friction: Annotated[float, Meta(ge=0, le=10)] = 0.5
@@ -211,7 +211,7 @@ class BreakpointSettings(ThresholdSettings, frozen=True):
     """When a running method should stop and wait; unset = never. The page sets them: they stand in saved sessions."""
 
     simulated_rejected: bool = False
-    """The refined pose was accepted instead of the simulated one, by however little: the usual case."""
+    """The refined pose was accepted instead of the simulated one, by any margin: the usual case."""
     refined_rejected: bool = False
     """The simulated pose was accepted instead of the refined one."""
     arm_switched: bool = False
@@ -223,4 +223,4 @@ class BreakpointSettings(ThresholdSettings, frozen=True):
     empty_render: bool = False
     """A pose rendered to nothing, or its score was not a number."""
     waiting: ThresholdSettings = ThresholdSettings()
-    """Thresholds of breakpoints that are off, for when they are switched on: the page saves them."""
+    """Thresholds of breakpoints that are off, saved by the page for when they are switched on."""

@@ -36,8 +36,8 @@ class SceneSection(TypedDict, total=False):
 
     source: Literal["bop", "demo", "folder", "labels", "layout"]
     """bop: a data set folder in BOP layout. demo: a built-in scene, no data needed. folder: traces of
-    verefine_viz.trace, or a folder as FoundationPose, SAM-6D, MegaPose, DenseFusion, DeepIM or YCB-Video have them;
-    which it is, it shows itself. layout: objects of YCB-V as a layout of the GRASPA benchmark has them, rendered.
+    verefine_viz.trace, or a folder as FoundationPose, SAM-6D, MegaPose, DenseFusion, DeepIM or YCB-Video write them;
+    which of these is recognized. layout: objects of YCB-V, rendered as they stand in a layout of the GRASPA benchmark.
     labels: the frames of a folder (bop or folder) with the objects that were labelled in them.
     """
     dataset: InputPath
@@ -65,15 +65,15 @@ class SceneSection(TypedDict, total=False):
     "linemod-paper", "ycbv-keyframes" (paper Sec. V), or a targets file of the data set.
     """
     sequence: Flag
-    """The frames of a scene are in order, as of a video: how poses change from one to the next is measured. So it is
-    without this for layouts of videos, for traces that are named by numbers alone, and with `method.track`.
+    """Whether the frames of a scene are those of a video, in order: changes of poses between frames are then measured.
+    Always so for layouts of videos, traces that are named by numbers alone, and with `method.track`.
     """
     objects: Sequence[Whole]
     """BOP object ids to solve; none = all."""
     masks: InputPath
     """mask_visib or mask (folders of the data set), or the path of a BOP detections JSON."""
     gravity: Literal["plane", "world"] | Numbers
-    """Where "up" comes from: the support plane's normal, the data set's camera pose, or a vector of gravity in the
+    """Where "up" comes from: the support plane's normal, the data set's camera pose, or gravity as a vector in the
     camera frame (an IMU's reading).
     """
     seed: Whole
@@ -83,29 +83,29 @@ class SceneSection(TypedDict, total=False):
     model_points: Whole
     """Points sampled on each model; more for objects with thin parts, which else get few."""
     model_sampling: Literal["even", "random"]
-    """How: drawn at random, or evenly, each the farthest from those before (as the authors' clouds are)."""
+    """How these points are chosen: at random, or evenly, each the farthest from all before (as the authors' clouds)."""
 
 
 class DataSection(TypedDict, total=False):
-    """What is put right in a frame's data after they are read; files stay as they are. To set where a doubt about the
-    data names one of them as its remedy (docs/causes.md).
+    """Corrections of a frame's data after they are read; files stay as they are. Set one where a doubt about the data
+    names it as its remedy (docs/causes.md).
     """
 
     depth_times: Number
-    """What depth is multiplied by."""
+    """Factor by which depth is multiplied."""
     depth_along: Literal["ray", "z"]
     """What the depth image holds: z, or the distance from the camera along each pixel's ray."""
     depth_shift_px: Sequence[Whole]
-    """How far to the right and down the depth of a pixel lies in the depth image [px]."""
+    """How far to the right and down of its pixel each depth lies in the depth image [px]."""
     camera_times: Numbers
-    """What fx, fy, cx and cy of cam_K are multiplied by."""
+    """Factors by which fx, fy, cx and cy of cam_K are multiplied."""
     model_times: Sequence[Sequence[Whole | Number]]
-    """How many times as large models are, each with its object id, as [[5, 1000]]."""
+    """Factors by which models are enlarged, each with its object id, as [[5, 1000]]."""
     pose_times: Number
-    """What translations of initial poses are multiplied by."""
+    """Factor by which translations of initial poses are multiplied."""
     poses: Literal["given", "inverse", "opengl", "transposed", "x-90", "x90"]
-    """How initial poses are written. inverse: camera in the object's frame. opengl: y up, z backwards. transposed:
-    rotations column by column. x90, x-90: for models that are turned so about x.
+    """Convention of the initial poses. inverse: camera in the object's frame. opengl: y up, z backwards. transposed:
+    rotations column by column. x90, x-90: models turned by so many degrees about x.
     """
     inverted_masks: Sequence[Whole]
     """Object ids whose masks cover everything but the object."""
@@ -116,7 +116,7 @@ class HypothesesSection(TypedDict, total=False):
 
     source: AnyEstimator
     """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation.
-    recorded: those of source folder, all of them. Or an estimator: ppf, point pair features; pcs, congruent point sets
+    recorded: all that come with source folder. Or an estimator: ppf, point pair features; pcs, congruent point sets
     (Super4PCS); densefusion, the network, with weights of yours; one of your own by its name (docs/guide.md).
     """
     files: Sequence[InputPath]
@@ -130,10 +130,10 @@ class HypothesesSection(TypedDict, total=False):
     translation_mm: Number
     """perturb: length of the disturbance in a random direction [mm]. Paper Sec. V-A."""
     seed: Whole
-    """perturb: seed."""
+    """perturb: seed of the disturbances."""
     flips: Flag
     """Whether a promising pose's flips, at which the shape looks nearly the same (a box turned over, a can turned about
-    its axis), compete with it: scored, without a call of the refiner. Only where colour counts, for depth alone often
+    its axis), compete with it: scored, without a call of the refiner. Only where colour counts, as depth alone often
     chooses the wrong one (docs/methods.md 1.11). Preset recommended: true with depth_net_icp.
     """
     estimate: Sequence[Sequence[str | Whole]]
@@ -150,8 +150,8 @@ class MethodSection(TypedDict, total=False):
     refiner: AnyRefiner
     """Name of the refiner. Presets: recommended has depth_net_icp, paper and published have icp."""
     track: Flag
-    """Frames are those of a video: what the last frame of the scene answered for an object is one of its initial poses
-    in the next, before the others, moved along with the camera where the data set knows its pose.
+    """Whether frames are those of a video: the answer of the previous frame becomes the first initial pose of its
+    object in the next, moved along with the camera where the data set knows the camera's pose.
     """
     iterations: Whole
     """K, refiner calls per hypothesis; a method with H hypotheses has H·K. Paper Sec. V: 5 with ICP."""
@@ -161,7 +161,7 @@ class MethodSection(TypedDict, total=False):
     (docs/methods.md 1.8.21).
     """
     seed: Whole
-    """For methods that draw numbers."""
+    """Seed of methods that draw random numbers."""
     sim_candidate: Literal["full", "rotation_only"]
     """SIR: which simulated pose is scored and may be accepted: the simulator's whole pose (authors' code), or its
     rotation with the current translation, as it enters the refiner.
@@ -171,24 +171,24 @@ class MethodSection(TypedDict, total=False):
     only if it did not fall.
     """
     discount: Number
-    """γ, vf_depth: what a play of the pass before still counts. The paper: "a small factor"; authors' code: 0.99."""
+    """γ, vf_depth: weight of plays of the previous pass. The paper: "a small factor"; authors' code: 0.99."""
     scene_reward: Literal["best_known", "current_pass"]
-    """vf_depth: of which poses the scene score is that rewards the hypotheses: those of this pass (authors' code), or
-    the best of each object so far (the paper's text).
+    """vf_depth: the poses whose scene score rewards a hypothesis: those of this pass (authors' code), or the best of
+    each object so far (the paper's text).
     """
     scene_answer: Literal["incumbent", "per_object"]
-    """vf_depth: the combination of poses whose scene score was the highest ever seen, or for each object its own best
-    score, whether or not they fit together (authors' code).
+    """vf_depth: the answer is the combination of poses with the highest scene score seen, or for each object the pose
+    with its own best score, whether or not they fit together (authors' code).
     """
     scene_prior: Literal["object", "scene"]
-    """vf_depth: what a hypothesis's first play is worth: the score of the scene with its pose and the other objects'
-    best initial ones, which is the scale of later rewards, or of its initial pose alone (authors' code).
+    """vf_depth: the first reward of a hypothesis: the score of the scene with its pose and the best initial poses of
+    the other objects, on the scale of later rewards, or the score of its initial pose alone (authors' code).
     """
     scene_pixels: Literal["cluster", "frame"]
-    """vf_depth: whose masks a scene score uses: those of the cluster, or of all objects (authors' code)."""
+    """vf_depth: the masks that a scene score uses: those of the cluster, or of all objects (authors' code)."""
     occluders: Literal["none", "placed"]
-    """vf_breadth, vf_depth: whether objects placed before are rendered as what may hide the one being scored; the
-    authors' code does not.
+    """vf_breadth, vf_depth: whether objects placed before are rendered, as they may hide the one being scored; the
+    authors' code renders none.
     """
     carry_clusters: Flag
     """vf_breadth, vf_depth: earlier clusters stay in simulation and rendering for later ones; the authors' code forgets
@@ -225,7 +225,7 @@ class TricpSection(TypedDict, total=False):
     energy_ratio: Number
     """A pass that leaves more than this share of the energy before is the last."""
     max_passes: Whole
-    """Most passes of a call, a bound on its time; PCL has none."""
+    """Most passes of a call, which bounds its time; PCL has no bound."""
     explained_m: Number
     """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""
 
@@ -244,12 +244,12 @@ class DenseFusionSection(TypedDict, total=False):
 
     weights: InputPath
     """PoseNet: official .pth file (which needs the extra `torch` once), or ONNX file of `verefine-viz train
-    densefusion`, relative to the session file; empty = the package's, which know the objects of the built-in scenes.
+    densefusion`, relative to the session file; empty = the package's, trained on the objects of the built-in scenes.
     """
     refiner_weights: InputPath
-    """PoseRefineNet: the same; of one training with `weights`."""
+    """PoseRefineNet: a file of the same kinds, from the same training as `weights`."""
     classes: Sequence[Whole]
-    """Ids of the objects in the order of the network's classes; none = as the weights have it: of official ones the 21
+    """Ids of the objects in the order of the network's classes; none = as in the weights: official ones have the 21
     objects of YCB-Video or the 13 of LINEMOD, whose order and frames are known.
     """
     points: Whole
@@ -259,7 +259,7 @@ class DenseFusionSection(TypedDict, total=False):
     = 2`).
     """
     seed: Whole
-    """Seeds the points, and which of their poses make up the pool."""
+    """Seeds the points, and the choice of their poses for the pool."""
 
 
 class MctsSection(TypedDict, total=False):
@@ -270,11 +270,11 @@ class MctsSection(TypedDict, total=False):
     seconds: Number | None
     """Budget in computing time per cluster instead [s]; results then depend on the machine."""
     exploration_px: Number
-    """α, weight of the exploration term [px]. The cost counts pixels: larger for images of more pixels."""
+    """α, weight of the exploration term [px]. The cost counts pixels: choose it larger for images of more pixels."""
     explained_m: Number
     """A pixel whose observed and rendered depth differ by more than this adds 1 to the cost [m]."""
     trim: Number
-    """Trim of its trimmed ICP."""
+    """Share of the points that its trimmed ICP uses."""
     physics: Literal["published", "session"]
     """published: 60 steps, 10 kg, gravity 2 m/s², damping 0.99, friction 1, one hull each. session: [physics]."""
 
@@ -287,19 +287,19 @@ class DependencySection(TypedDict, total=False):
     one pixel form a cluster, lower tops come first.
     """
     clusters: Literal["components", "cuthill_mckee"]
-    """Which objects are one cluster. components: all that edges connect, over others too. cuthill_mckee: as the
-    authors' code splits them, which takes some apart that edges connect.
+    """Which objects form a cluster. components: all that edges connect, directly or over others. cuthill_mckee: as the
+    authors' code splits them, which separates some objects that edges connect.
     """
     order: Sequence[Sequence[Whole | str]]
-    """Clusters in the order to solve them, which wins over any rule: object ids, or "#4" for instance 4 where an object
-    is there twice, as [[8, 2], [3]].
+    """Clusters in the order to solve them, which wins over any rule, as [[8, 2], [3]]: object ids, or "#4" for instance
+    4 where an object appears twice.
     """
     order_file: InputPath
-    """A JSON file of orders by frame, {"50/1": [[8, 2], [3]]}, relative to the session file; none = the order that came
-    with the frame, as those of Extended APC have one, else the rule's.
+    """A JSON file of orders by frame, {"50/1": [[8, 2], [3]]}, relative to the session file; none = the order that
+    comes with the frame, as in Extended APC, else the order of the rule.
     """
     cut: Sequence[Sequence[Whole]]
-    """Pairs of instances between which no edge is to count."""
+    """Pairs of instances whose edges do not count."""
     contact_m: Number
     """Visible clouds nearer than this may touch [m]."""
     occlusion_m: Number
@@ -316,7 +316,7 @@ class PpfSection(TypedDict, total=False):
     angle_bin_deg: Number
     """Bin of the three angles [deg]."""
     bin_limit: Whole
-    """Most model pairs of a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
+    """Most model pairs used of a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
     reference_every: Whole
     """Every n-th scene point is a reference."""
     candidates: Whole
@@ -337,11 +337,11 @@ class PcsSection(TypedDict, total=False):
     grid_m: Number
     """Side of the grid that thins segment and model [m]; finer for small objects."""
     part_share: Number
-    """Parts of the segment that stand alone and hold less than this share of its points are left out: a mask that leaks
-    leaves such. 0 keeps all (published code).
+    """Isolated parts of the segment with less than this share of its points are left out, as they come from leaking
+    masks. 0 keeps all (published code).
     """
     samples: Whole
-    """Points of the model, spread evenly, of which those that lie on the segment are counted; more tell similar poses
+    """Points of the model, spread evenly; those that lie on the segment are counted. More of them tell similar poses
     better apart, and take longer.
     """
     spacing_m: Number
@@ -349,10 +349,10 @@ class PcsSection(TypedDict, total=False):
     the number of points. 0 takes all (published code).
     """
     bases: Whole
-    """Bases tried; the published code goes on for 1 s, so that its results depend on the machine."""
+    """Bases tried; the published code tries bases for 1 s, so that its results depend on the machine."""
     keep_share: Number
-    """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, and then the middle of a
-    cluster is often none of the good poses.
+    """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, with which the middle of a
+    cluster is often no good pose.
     """
     seed: Whole
     """Seeds bases, quads and clusters."""
@@ -362,8 +362,8 @@ class ScoreSection(TypedDict, total=False):
     """The verification score (paper Sec. III-B, Eq. 1; docs/methods.md 1.7)."""
 
     verifier: AnyVerifier
-    """eq_1: Eq. 1, as the fields below have it. Else the name of a verifier of your own, which scores poses in its
-    place (docs/guide.md, "Your own verifier") and reads of the fields below what it wants.
+    """eq_1: Eq. 1 with the fields below. Else the name of a verifier of your own, which scores poses in its place
+    (docs/guide.md, "Your own verifier") and may read the fields below.
     """
     pixels: Literal["classes", "observed", "published"]
     """Which pixels count. published: rendered or observed depth of any object (authors' shader). observed: valid depth
@@ -377,8 +377,8 @@ class ScoreSection(TypedDict, total=False):
     0.293.
     """
     pixel_centre: Literal["half", "integer"]
-    """Where the centre of pixel (0, 0) lies in the camera matrix's image: at (0, 0), as the depth sensor has it, or
-    half a pixel further, as the authors' projection has it.
+    """Where the camera matrix has the centre of pixel (0, 0): at (0, 0), as depth sensors are calibrated, or half a
+    pixel further, as in the authors' projection.
     """
     colour_weight: Number
     """w, weight of colour: f̄ becomes (1 − w) f̄ + w max(f_c, 0), with f_c the correlation of rendered and observed
@@ -387,10 +387,11 @@ class ScoreSection(TypedDict, total=False):
     """
     plausibility_weight: Number
     """w, weight of plausibility: the score f becomes (1 − w) f + w p, with p in [0, 1] lower for a pose that floats,
-    sinks into something or would fall (docs/methods.md 1.14). 0 = not asked, as in the paper. Takes a support plane.
+    sinks into something or would fall (docs/methods.md 1.14). 0 = does not count, as in the paper. Needs a support
+    plane.
     """
     renderer: Literal["auto", "cpu", "gl"]
-    """auto: the CPU rasteriser, or OpenGL 4.3 on a GPU where that was measured to be faster here (`doctor` says it)."""
+    """auto: the CPU rasteriser, or OpenGL 4.3 on a GPU where it was measured to be faster (`doctor` says which)."""
     simplify_mm: Number
     """Largest deviation of the mesh that is scored from the model's mesh [mm]; 0 keeps every triangle. 0.2 moves the
     scores of real frames by up to 0.001, and takes two thirds of the time.
@@ -403,7 +404,7 @@ class PhysicsSection(TypedDict, total=False):
     enabled: Flag
     """Off: simulated pose = current pose. For objects that nothing supports, as in a hand."""
     simulator: AnySimulator
-    """bullet, or a simulator of your own (docs/guide.md); what is said of colliders and solver below is Bullet's."""
+    """bullet, or a simulator of your own (docs/guide.md); colliders and solver below are Bullet's."""
     steps: Whole
     """Steps per iteration; 60 for the Extended APC experiments."""
     step_s: Number
@@ -419,19 +420,19 @@ class PhysicsSection(TypedDict, total=False):
     collider: Literal["decomposition", "hull"]
     """Convex decomposition keeps bowls and mugs hollow; the authors use one hull per object."""
     collider_folder: InputPath
-    """Folder of convex parts that take its place, obj_000005.obj for object 5 with a part in each of the file's objects
-    (as V-HACD writes them); models without a file follow `collider`.
+    """Folder of convex parts in place of `collider`: obj_000005.obj for object 5, with a part in each of the file's
+    objects (as V-HACD writes them); models without a file follow `collider`.
     """
     collider_unit_m: Number
     """One unit of these files [m]; 0.001 for millimetres."""
     inertia: Literal["box", "mesh"]
-    """Whose moments of inertia an object has, about the mesh's centre of mass: its mesh's, or its bounding box's along
+    """Moments of inertia of an object about the mesh's centre of mass: those of its mesh, or of its bounding box along
     the axes of the model (authors' code: Bullet's default).
     """
     margin_m: Number
     """Collision margin [m]; Bullet's default for meshes is 1e-3, which leaves objects 1 mm above the plane."""
     gravity_m_s2: Number
-    """Strength of gravity [m/s²]; lower lets objects move less in a step, as PHYSIM-MCTS has it (2)."""
+    """Strength of gravity [m/s²]; lower lets objects move less in a step; PHYSIM-MCTS has 2."""
     damping: Number
     """Linear and angular damping of objects, the share of speed lost in a second [-]; Bullet's default is 0.04."""
     placed: Literal["dynamic", "static"]
@@ -443,7 +444,7 @@ class PhysicsSection(TypedDict, total=False):
     dropped: Sequence[Sequence[str | Whole]]
     """observed: unknown objects that stop nothing, each with its frame, as [["50/1", 2]]."""
     mesh: InputPath
-    """mesh: the file of what stands around the objects (PLY, OBJ, STL, …), relative to the session file."""
+    """mesh: the file of the surroundings (PLY, OBJ, STL, …), relative to the session file."""
     mesh_unit_m: Number
     """mesh: one unit of the file [m]; 0.001 for millimetres."""
     mesh_frame: Literal["camera", "world"]
@@ -458,7 +459,7 @@ class GraspSection(TypedDict, total=False):
     """The simulated grasp: a parallel gripper as wide as the Toyota HSR's, in Bullet. docs/methods.md 8.4."""
 
     answers: Flag
-    """Whether a batch carries out a grasp at each answer, and at its ground truth, and recordings show it; takes
+    """Whether a batch simulates a grasp at each answer, and at its ground truth, which recordings then show; takes
     seconds per object.
     """
     folder: InputPath
@@ -470,9 +471,9 @@ class GraspSection(TypedDict, total=False):
     seed: Whole
     """Seeds the sampled grasps."""
     opening_m: Number
-    """Distance of the open fingers [m], as your gripper has it; that of the Toyota HSR is 0.135."""
+    """Distance of the open fingers of your gripper [m]; 0.135 for the Toyota HSR."""
     force_n: Number
-    """Force of each closing finger [N], as your gripper's data sheet has it."""
+    """Force of each closing finger [N], from your gripper's data sheet."""
     mass_kg: Number
     """Mass of every object [kg]."""
     friction: Number
@@ -504,7 +505,7 @@ class BreakpointSection(TypedDict, total=False):
     error_grows_by_mm: Number | None
     """ADD(-S) of the accepted pose against ground truth grew by more than this [mm]."""
     simulated_rejected: Flag
-    """The refined pose was accepted instead of the simulated one, by however little: the usual case."""
+    """The refined pose was accepted instead of the simulated one, by any margin: the usual case."""
     refined_rejected: Flag
     """The simulated pose was accepted instead of the refined one."""
     arm_switched: Flag
@@ -516,7 +517,7 @@ class BreakpointSection(TypedDict, total=False):
     empty_render: Flag
     """A pose rendered to nothing, or its score was not a number."""
     waiting: ThresholdSection
-    """Thresholds of breakpoints that are off, for when they are switched on: the page saves them."""
+    """Thresholds of breakpoints that are off, saved by the page for when they are switched on."""
 
 
 class RecordingSection(TypedDict, total=False):
@@ -524,8 +525,8 @@ class RecordingSection(TypedDict, total=False):
 
     keep: Literal["all", "failures", "none", "sample"]
     """Which frames of a batch keep their recording (about 3 MB each); failures: final error above 10 % of the diameter,
-    or no answer; sample: all of up to 200 frames, of more the failures and about 200 others. Whatever is kept, `replay
-    RUN --draw` makes it from the run file.
+    or no answer; sample: all of up to 200 frames, of more the failures and about 200 others. `replay RUN --draw` makes
+    any recording from its run file.
     """
     maps: Flag
     """Log depth and score maps of every iteration (about 0.05 MB each), else numbers and poses only."""
@@ -603,12 +604,12 @@ class OtherSections(TypedDict, total=False):
     edits: Sequence[EditSection]
     """Edited poses, so that a saved session repeats them."""
     tracked: Sequence[TrackedPoseSection]
-    """With `method.track`, what frames of this run began with, so that a recording or a saved session repeats them
-    without solving the frames before.
+    """With `method.track`, the poses with which frames of this run began, so that a recording or a saved session
+    repeats them without solving the frames before.
     """
     starts: Sequence[StartPoseSection]
-    """Poses that objects begin with in place of `[hypotheses]`, each the only one of its object, so that a saved
-    session repeats what "Refine this pose" of the page began.
+    """Poses with which objects begin in place of `[hypotheses]`, one per object, so that a saved session repeats what
+    "Refine this pose" of the page began.
     """
     changes: Sequence[ChangeSection]
     """Settings changed during the run, so that a saved session repeats them."""
@@ -618,8 +619,8 @@ class Sections(OtherSections, total=False):
     """All settings that define a run."""
 
     preset: Literal["paper", "published", "recommended"]
-    """recommended: what is right most often on real frames; colour and flips only with its own refiner. paper: every
-    choice as the paper's text has it, and its budget for the refiner. published: as the authors' public code has it.
-    Fields given explicitly win over it. docs/methods.md 1.8.
+    """recommended: the choices that are right most often on real frames; colour and flips only with its own refiner.
+    paper: every choice of the paper's text, and its budget for the refiner. published: the choices of the authors'
+    public code. Fields given explicitly win over it. docs/methods.md 1.8.
     """
     method: MethodSection

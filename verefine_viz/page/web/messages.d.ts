@@ -259,7 +259,7 @@ export interface BreakpointSettings {
   jump_deg: number | null;
   /** ADD(-S) of the accepted pose against ground truth grew by more than this [mm]. */
   error_grows_by_mm: number | null;
-  /** The refined pose was accepted instead of the simulated one, by however little: the usual case. */
+  /** The refined pose was accepted instead of the simulated one, by any margin: the usual case. */
   simulated_rejected: boolean;
   /** The simulated pose was accepted instead of the refined one. */
   refined_rejected: boolean;
@@ -271,7 +271,7 @@ export interface BreakpointSettings {
   physics_worse: boolean;
   /** A pose rendered to nothing, or its score was not a number. */
   empty_render: boolean;
-  /** Thresholds of breakpoints that are off, for when they are switched on: the page saves them. */
+  /** Thresholds of breakpoints that are off, saved by the page for when they are switched on. */
   waiting: ThresholdSettings;
 }
 
