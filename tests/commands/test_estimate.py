@@ -37,7 +37,8 @@ def test_the_file_holds_what_the_session_s_problem_holds_and_nothing_is_made_tha
     words = ("--physics.enabled", "True", "--dependency.order-file", "none.json", "--scene.frames", "7/1")
     assert run(session, "--out", out, *BY_PPF, *words) == 0
     assert "1 frames, 3 objects" in capsys.readouterr().out
-    assert [p.name for p in (tmp_path / "cache" / "verefine-viz").iterdir()] == ["ppf"]
+    made = {p.name for p in (tmp_path / "cache" / "verefine-viz").iterdir()}
+    assert made - {"compiling.lock"} == {"ppf"}  # The lock is there where kernels are compiled first.
     overrides = {"hypotheses": {"source": "ppf"}, "ppf": {"step": 0.08}, "physics": {"enabled": False}}
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "another cache"))  # Its tables are made once more.
     problem = Toolbox(load_session(session, overrides)).problem("7/1")

@@ -222,8 +222,8 @@ class ScoreSettings(Settings, frozen=True):
     """α, tolerance of 1 − n·n̂ [-]. The authors' shader has 0.707, which cuts off at 73°; "45°" taken literally is
     0.293."""
     pixel_centre: Literal["integer", "half"] = "integer"
-    """Where the camera matrix has the centre of pixel (0, 0): at (0, 0), as depth sensors are calibrated, or half a pixel
-    further, as in the authors' projection."""
+    """Where the camera matrix has the centre of pixel (0, 0): at (0, 0), as depth sensors are calibrated, or half a
+    pixel further, as in the authors' projection."""
     colour_weight: Annotated[float, Meta(ge=0, lt=1)] = 0.0
     """w, weight of colour: f̄ becomes (1 − w) f̄ + w max(f_c, 0), with f_c the correlation of rendered and observed
     colour (docs/methods.md 1.10). 0 = depth and normals alone, as in the paper. An object whose model, or whose part of
