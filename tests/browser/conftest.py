@@ -87,7 +87,7 @@ class Screen:
         raise AssertionError(f"it never held: {expression}; the view is {self.state('state.view')}")
 
     def wait(self, holds: Callable[[], bool]) -> None:
-        """Wait until something on the server's side holds."""
+        """Wait until a condition in Python holds."""
         for _ in range(SLOW_MS // 50):
             if holds():
                 return

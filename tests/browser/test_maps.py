@@ -81,8 +81,7 @@ def test_click_marks_one_pixel_everywhere_until_it_is_unmarked(show):
     screen.shot("maps_mark")
     screen.key("Escape")
     screen.until("state.view.pixel === null")
-    is_as_before = screen.settled(PICTURES) == before
-    assert is_as_before
+    screen.wait(lambda: screen.state(PICTURES) == before)
     for marked in (True, False):
         screen.page.mouse.click(*point(screen, "classes", 0, pixel))
         screen.until("(state.view.pixel !== null) === arg", marked)

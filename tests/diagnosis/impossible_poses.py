@@ -103,12 +103,20 @@ def table(frames: Iterable[Problem]) -> dict[str, list[tuple[str, bool]]]:
             continue
         at_truth = named(problem, truth, surfaces)
         for k, target in enumerate(problem.targets):
-            own, label = target.instance.instance_id, f"{problem.frame} {target.model.name}"
+            own, label = target.instance.instance_id, f"{problem.title}, {problem.frame} {target.model.name}"
             if truth[k] is None:
                 continue
-            why = f": {at_truth[own].text}" if own in at_truth else ""
+            why = f": {at_truth[own].text} {_where(problem, truth[k])}" if own in at_truth else ""
             rows.setdefault("ground truth", []).append((label + why, own in at_truth))
             for what, T in wrong_poses(problem, k):
                 is_named = own in named(problem, [*truth[:k], T, *truth[k + 1 :]], surfaces)
                 rows.setdefault(what, []).append((label, is_named))
     return rows
+
+
+def _where(problem: Problem, T_cam_obj: Float | None) -> str:
+    """A pose and the camera's above the support plane, so that a failure says which of them is off."""
+    support = problem.observation.support
+    assert support is not None
+    assert T_cam_obj is not None
+    return f"T_world_obj {(support.T_world_cam @ T_cam_obj).tolist()}, T_world_cam {support.T_world_cam.tolist()}"
