@@ -259,6 +259,7 @@ def _without_times(folder: Path) -> list[dict[str, str]]:
         return [{k: v for k, v in line.items() if k != "seconds_added"} for line in csv.DictReader(file)]
 
 
+@pytest.mark.timeout(900)  # Three batches, whose processes may have to compile first.
 @pytest.mark.usefixtures("processes")
 def test_a_killed_fix_gives_the_same_table_and_the_written_session_the_same_answers(tmp_path: Path) -> None:
     session = write_light_frames(tmp_path, 6)
