@@ -14,6 +14,13 @@ from verefine_viz.diagnosis.impossible import impossible_answers
 from verefine_viz.physics.plausibility import plausibility
 from verefine_viz.physics.proximity import Surfaces
 from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.scenes import demo
+
+
+@pytest.fixture(autouse=True)
+def _own_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spoilt scenes are not left among the built-in ones: other tests go through all of those."""
+    monkeypatch.setattr(demo, "_ALL", dict(demo._ALL))
 
 
 def causes_in(cause: Cause, folder: Path) -> set[Cause]:
