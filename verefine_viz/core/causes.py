@@ -389,8 +389,8 @@ CAUSES: dict[Cause, KnownCause] = {
     ),
     Cause.IMPOSSIBLE: KnownCause(
         title="physically impossible where it is",
-        what="an answer without ground truth floats by more than 5 mm, sinks in by 5 mm more than depth explains that "
-        "measures objects too short or leaning, or would tip over; not named where the only evidence is a support "
+        what="an answer without ground truth floats by more than 5 mm, sinks in 5 mm deeper than short or leaning "
+        "heights in the depth image explain, or would tip over; not named where the only evidence is a support "
         "plane that explains little of the background, where three or more objects measure too short by as much as it "
         "sinks in, or where the frame's data are in doubt",
         shown_by="without a re-run: by geometry alone, where the method simulates",

@@ -249,7 +249,7 @@ def _turns(axis: Float, mesh: Mesh, name: str) -> Float:
 def _mask_of(
     one: RecordedObject, model: ObjectModel, camera: Camera, recorded: RecordedFrame, notes: list[str]
 ) -> Mask:
-    """The object's mask; without one, the pixels that its first pose covers and nothing nearer hides.
+    """The object's mask; without one, the pixels that its first recorded pose covers and nothing nearer hides.
 
     Raises:
         InputError: there is neither a mask nor a pose in the image.
