@@ -103,6 +103,14 @@ def targets(d: BadInput, **change: int) -> Path:
     return d.file("mine.json", json.dumps([entry | change for entry in entries] if change else []))
 
 
+def folder_with_dataset(d: BadInput) -> Path:
+    """A folder of its own that holds the data set alone: other tests put theirs beside the made-up one."""
+    above = d.folder / "datasets"
+    above.mkdir()
+    (above / "boxes").symlink_to(d.made.root, target_is_directory=True)
+    return above
+
+
 BATCH: dict[str, Words] = {
     "none.toml": lambda d: [d.folder / "none.toml"],
     "holds no data": lambda d: [d.folder],
@@ -171,7 +179,7 @@ OTHERS: dict[str, Words] = {
     "a.tex is a file": lambda d: ["datasets", "check", d.file("a.tex", "")],
     "none does not exist": lambda d: ["datasets", "check", d.folder / "none"],
     "holds no split": lambda d: ["datasets", "check", d.made.scene / "rgb"],
-    "did you mean": lambda d: ["datasets", "check", d.made.root.parent],
+    "boxes?": lambda d: ["datasets", "check", folder_with_dataset(d)],
     "'tless'": lambda d: ["datasets", "fetch", "tless"],
     "net.pth": lambda d: ["train", "depth_net", "--out", "net.pth"],
     "--minutes": lambda d: ["train", "depth_net", "--out", "net.onnx", "--minutes", "nan"],
