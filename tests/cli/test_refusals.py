@@ -104,9 +104,9 @@ def targets(d: BadInput, **change: int) -> Path:
 
 
 def folder_with_dataset(d: BadInput) -> Path:
-    """A folder of its own that holds the data set alone: other tests put theirs beside the made-up one."""
+    """A folder that holds the data set, and a folder that looks like a split."""
     above = d.folder / "datasets"
-    above.mkdir()
+    (above / "photos" / "2024").mkdir(parents=True)
     (above / "boxes").symlink_to(d.made.root, target_is_directory=True)
     return above
 

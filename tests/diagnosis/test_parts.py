@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.made_up_frames import CAMERA, frame_of, model, moved, near, small_carton, standing
 from tests.made_up_frames import Thing as Made
-from verefine_viz.calibration.depth_shift import registration
+from verefine_viz.calibration.depth_shift import registration_of
 from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth, supporting_plane
 from verefine_viz.diagnosis.symmetry import nearby_symmetry, undeclared_turn
@@ -31,7 +31,7 @@ def bumpy_object() -> tuple[np.ndarray, np.ndarray]:
 @given(st.integers(-30, 30), st.integers(-30, 30))
 def test_a_shift_is_found_and_undone(right: int, down: int) -> None:
     observed, true = bumpy_object()
-    off = registration(np.roll(observed, (down, right), axis=(0, 1)), true)
+    off = registration_of(np.roll(observed, (down, right), axis=(0, 1)), true)
     assert off.shift_px == (right, down)
     assert off.is_off == (max(abs(right), abs(down)) >= 3 and off.best_agreement > off.agreement + 0.06)
     if max(abs(right), abs(down)) >= 8:
@@ -44,7 +44,7 @@ def test_a_shift_is_found_and_undone(right: int, down: int) -> None:
 @given(st.floats(0.5, 1.5).filter(lambda s: abs(s - 1) > 0.04))
 def test_a_wrong_unit_is_found_and_undone(scale: float) -> None:
     observed, true = bumpy_object()
-    off = registration((observed * scale).astype(np.float32), true)
+    off = registration_of((observed * scale).astype(np.float32), true)
     assert off.is_off
     assert off.scale == pytest.approx(scale, rel=1e-3)
     assert off.undone((observed * scale).astype(np.float32)) == pytest.approx(observed, rel=2e-3)
@@ -52,9 +52,9 @@ def test_a_wrong_unit_is_found_and_undone(scale: float) -> None:
 
 def test_good_depth_is_left_alone_and_missing_depth_is_not_shifted() -> None:
     observed, true = bumpy_object()
-    assert not registration(observed, true).is_off
-    assert not registration(np.where(true > 0, 0, observed), true).is_off
-    assert not registration(observed, np.zeros_like(true)).is_off
+    assert not registration_of(observed, true).is_off
+    assert not registration_of(np.where(true > 0, 0, observed), true).is_off
+    assert not registration_of(observed, np.zeros_like(true)).is_off
 
 
 @settings(max_examples=20, deadline=None)

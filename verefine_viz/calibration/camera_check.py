@@ -330,7 +330,7 @@ def _camera_by_estimates(fits: Sequence[OutlineFit], problem: Problem) -> tuple[
     return (found.doubt(problem),) if found.advice and found.cause != "one focal length" else ()
 
 
-def distance(points_cam: Float, model: ObjectModel, T_cam_obj: Float) -> float:
+def relative_distance(points_cam: Float, model: ObjectModel, T_cam_obj: Float) -> float:
     """Median distance of observed points (N, 3) [m], N > 0, to a posed model, as a share of its diameter."""
     some = points_cam[:: max(1, len(points_cam) // 100)]  # Enough for a median.
     return float(np.median(_tree(model).query(apply(inverse(T_cam_obj), some))[0])) / model.diameter_m

@@ -61,7 +61,7 @@ class Registration:
         return displaced(depth_m, self.shift_px) / np.float32(self.scale)
 
 
-def registration(observed_m: NDArray[np.floating], true_m: NDArray[np.floating]) -> Registration:
+def registration_of(observed_m: NDArray[np.floating], true_m: NDArray[np.floating]) -> Registration:
     """Shift and scale that bring an observed depth image (H, W) [m] onto the true depth of the objects in it.
 
     Args:
@@ -122,7 +122,7 @@ def depth_shift_doubts(problem: Problem) -> tuple[Doubt, ...]:
     drawn = true_m > 0
     if _agreement(problem.observation.depth_m[drawn], true_m[drawn]) > AGREES:
         return ()  # Depth that is off by less may as well be that of noisy poses.
-    off = registration(problem.observation.depth_m, true_m)
+    off = registration_of(problem.observation.depth_m, true_m)
     if not off.is_off:
         return ()
     if off.scale != 1:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.text_format import MOST_NAMED, first_of
-from verefine_viz.scenes.bop_files import datasets_below, scenes_in, splits_in
+from verefine_viz.scenes.bop_files import datasets_below, has_models, scenes_in, splits_in
 
 
 @dataclass
@@ -97,8 +97,11 @@ def splits_of(folder: Path) -> tuple[str, ...]:
     splits = splits_in(folder)
     if scenes_in(folder):
         raise InputError(f"{folder} is a split itself: name the data set's folder, {folder.resolve().parent}")
-    if not splits:
-        below = first_of(datasets_below(folder), MOST_NAMED, " or ")
+    below = datasets_below(folder)
+    # A folder of data sets may hold numbered folders of something else, which look like scenes.
+    complete = [*filter(has_models, below)]
+    if not splits or (complete and not has_models(folder)):
         expected = f"expected for example {folder / 'test' / '000001' / 'scene_camera.json'}"
-        raise InputError(f"{folder} holds no split with scenes; {f'did you mean {below}?' if below else expected}")
+        meant = f"did you mean {first_of(complete or below, MOST_NAMED, ' or ')}?" if below else expected
+        raise InputError(f"{folder} holds no split with scenes; {meant}")
     return splits

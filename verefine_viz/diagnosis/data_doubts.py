@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from verefine_viz.calibration.camera_check import distance
+from verefine_viz.calibration.camera_check import relative_distance
 from verefine_viz.calibration.consistency import doubts
 from verefine_viz.calibration.registration import registration_doubts
 from verefine_viz.core.arrays import Float
@@ -85,4 +85,4 @@ def plane_doubts(problem: Problem, poses: Sequence[Float | None]) -> tuple[Doubt
 
 def _explains_depth(target: Target, T_cam_obj: Float) -> bool:
     points_cam = target.instance.points_cam
-    return len(points_cam) > 0 and distance(points_cam, target.model, T_cam_obj) < NEAR
+    return len(points_cam) > 0 and relative_distance(points_cam, target.model, T_cam_obj) < NEAR

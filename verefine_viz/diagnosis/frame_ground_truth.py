@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 from scipy.spatial import ConvexHull, QhullError
 
-from verefine_viz.calibration.depth_shift import Registration, registration
+from verefine_viz.calibration.depth_shift import Registration, registration_of
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.geometry import apply, transform
 from verefine_viz.core.observation import Support
@@ -140,7 +140,7 @@ class FrameGroundTruth:
     @cached_property
     def registration(self) -> Registration:
         """Shift and scale of the observed depth against the true one."""
-        return registration(self.problem.observation.depth_m, self.depth_m)
+        return registration_of(self.problem.observation.depth_m, self.depth_m)
 
     @cached_property
     def observed_m(self) -> NDArray[np.float32]:

@@ -138,13 +138,18 @@ def inside_dataset(folder: Path) -> Inside | None:
             places.append(Inside(path.parent.parent, path.parent.name, scene_id))
         elif any(map(sensors_of, path.glob("[0-9]*"))):
             places.append(Inside(path.parent, path.name, None))
-    with_models = [one for one in places if any(one.dataset.glob("models*"))]
+    with_models = [one for one in places if has_models(one.dataset)]
     return next(iter((*with_models, *places)), None)
 
 
 def datasets_below(folder: Path) -> tuple[Path, ...]:
     """The data sets that lie directly in a folder."""
     return tuple(path for path in _folders_in(folder) if splits_in(path))
+
+
+def has_models(dataset: Path) -> bool:
+    """Whether a data set's folder has a folder of object models."""
+    return any(dataset.glob("models*"))
 
 
 def _folders_in(folder: Path) -> list[Path]:
