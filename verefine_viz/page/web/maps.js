@@ -132,7 +132,10 @@ function Posed({ moment, letter, side }) {
 }
 
 function Maps() {
-  const [sides, large] = useStore((s) => [sidesOf(momentOf(s)), s.view.largeMap, s.hiddenMaps]);
+  const [sides, large] = useStore((s) => {
+    const sides = sidesOf(momentOf(s));
+    return [sides, s.view.largeMap, s.hiddenMaps, sideFor("observed", sides), sideFor("observed_rgb", sides)];
+  });
   const [root, size] = useSize();
   const [zoom, setZoom] = useState(null);
   const hidden = state.hiddenMaps;
