@@ -97,11 +97,13 @@ def splits_of(folder: Path) -> tuple[str, ...]:
     splits = splits_in(folder)
     if scenes_in(folder):
         raise InputError(f"{folder} is a split itself: name the data set's folder, {folder.resolve().parent}")
-    below = datasets_below(folder)
+    if splits and has_models(folder):
+        return splits
     # A folder of data sets may hold numbered folders of something else, which look like scenes.
-    complete = [*filter(has_models, below)]
-    if not splits or (complete and not has_models(folder)):
-        expected = f"expected for example {folder / 'test' / '000001' / 'scene_camera.json'}"
-        meant = f"did you mean {first_of(complete or below, MOST_NAMED, ' or ')}?" if below else expected
-        raise InputError(f"{folder} holds no split with scenes; {meant}")
-    return splits
+    below = datasets_below(folder)
+    with_models = [path for path in below if has_models(path)]
+    if splits and not with_models:
+        return splits
+    expected = f"expected for example {folder / 'test' / '000001' / 'scene_camera.json'}"
+    meant = f"did you mean {first_of(with_models or below, MOST_NAMED, ' or ')}?" if below else expected
+    raise InputError(f"{folder} holds no split with scenes; {meant}")
