@@ -89,7 +89,7 @@ def splits_of(folder: Path) -> tuple[str, ...]:
     """The folders in a data set that hold scenes.
 
     Raises:
-        InputError: the folder does not exist, or holds none.
+        InputError: the folder does not exist, holds none, or holds data sets instead.
     """
     if not folder.is_dir():
         why = "is a file" if folder.exists() else "does not exist"
